@@ -65,7 +65,7 @@ class WirePlay:
         guard, arrival, cycle = judge.guard.guard, judge.arrival, judge.cycle
         arrival.sender = cycle.began_by = cycle.commander = ME
         arrival.token, arrival.watchdog = TOKEN_OF_ME, 10**9
-        cycle.flags = 2
+        cycle.marks = 2
         q, v = guard.home, np.zeros_like(guard.home)
         desired = np.zeros_like(q)
         for k in range(self.cycles):
@@ -84,7 +84,7 @@ class WirePlay:
             payload += struct.pack("<QII", TOKEN_OF_ME, self.form, len(asked))
             payload += asked.tobytes()
             message[HEAD : HEAD + len(payload)] = payload
-            arrival.size, arrival.now = HEAD + len(payload) + SEAL, start
+            arrival.length, arrival.now = HEAD + len(payload) + SEAL, start
             arrival.sequence = cycle.began_with = k + 1
             take_state(judge.lines)
             cause = Cause.STOP_ORDERED if k % 170 == 169 else Cause.NONE

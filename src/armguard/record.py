@@ -82,7 +82,14 @@ def indices(declared: type) -> Any:
 
 
 def record(declared: type[Record]) -> type[Record]:
-    """Let annotations of separate kernels name a record."""
+    """Let annotations of separate kernels name a record.
+
+    Raises:
+        TypeError: A field has the name of an attribute of NumPy's records, which an
+            interpreted kernel would read instead.
+    """
+    if taken := set(dtype_of(declared).names or ()).intersection(dir(np.recarray)):
+        raise TypeError(f"{declared.__name__} has fields that NumPy names: {taken}")
     as_numba_type.register(declared, numba.from_dtype(dtype_of(declared)))
     return declared
 

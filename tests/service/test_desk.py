@@ -50,7 +50,7 @@ class Bench:
         """Hand a payload over; what came of it, and of the wish in it."""
         self.buffer[48 : 48 + len(payload)] = payload
         arrival = self.arrival
-        arrival.size, arrival.now = 48 + len(payload) + 16, now
+        arrival.length, arrival.now = 48 + len(payload) + 16, now
         arrival.sender, arrival.sequence = sender, sequence
         arrival.token, arrival.watchdog = token, 10**9
         outcome = OUTCOMES[taker(self.judge.lines)]
@@ -214,7 +214,7 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
         assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
         cause = Cause.STOP_ORDERED if k == 250 else Cause.NONE
         cycle.number, cycle.start, cycle.ended = k, start, start + 5
-        cycle.cause, cycle.flags, cycle.began_at = cause, 2, start - 9
+        cycle.cause, cycle.marks, cycle.began_at = cause, 2, start - 9
         cycle.began_by = cycle.commander = ME
         cycle.began_with = k + 1
         judge.ask(cause)
@@ -316,11 +316,11 @@ def test_what_is_found_out_late_is_told_again(bench):
         stamp, wish = start * 1e-9, wish_of(np.full(N, 0.01))
         payload = state(q, np.zeros(N), stamp=stamp, wish=wish)
         assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
-        cycle.number, cycle.start, cycle.cause, cycle.flags = k, start, Cause.NONE, 0
+        cycle.number, cycle.start, cycle.cause, cycle.marks = k, start, Cause.NONE, 0
         judge.ask(Cause.NONE)
     velocities = slice(48 + 136 + 24 + 96, 48 + 136 + 24 + 96 + 8 * N)
     assert np.frombuffer(bench.out[velocities], np.float64).any()
-    cycle.cause, cycle.flags = Cause.DEADLINE_MISSED, MISSED
+    cycle.cause, cycle.marks = Cause.DEADLINE_MISSED, MISSED
     judge.rewrite_answer()
     assert not np.frombuffer(bench.out[velocities], np.float64).any()
     summary = struct.unpack_from("<8HQ", bench.out, 48 + 136)

@@ -22,7 +22,7 @@ HYSTERESIS = 1.25
 
 @record
 class Given:
-    """Input of a cycle.
+    """Input of a cycle; flags are float64, as checkpoints hold them.
 
     Attributes:
         now: Time of the cycle; NaN if it was not given [s].
@@ -40,6 +40,8 @@ class Given:
 @record
 class LastCycle:
     """Times of the last cycle, and the reason for a stop in this one.
+
+    The reason is float64, as checkpoints hold it.
 
     Attributes:
         now: Time of the last cycle [s].

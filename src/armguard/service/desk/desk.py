@@ -26,7 +26,7 @@ class Arrival:
     """A message that was received, and the newest WISH.
 
     Attributes:
-        size: Its length [bytes].
+        length: Its length [bytes].
         now: When it was received, monotonic [ns].
         sender: Its sender.
         sequence: Its number.
@@ -39,7 +39,7 @@ class Arrival:
         measured: 1 if the newest state of every robot had velocities.
     """
 
-    size: int
+    length: int
     now: int
     sender: int
     sequence: int
@@ -65,7 +65,7 @@ class Cycle:
         start: When the cycle began, monotonic [ns].
         ended: When it had been judged, monotonic [ns].
         cause: Why the desired motion does not count, see `Cause`.
-        flags: Flags of the COMMAND.
+        marks: Flags of the COMMAND.
         commander: Sender of the desired motion; 0 for none.
         asked_form: Form of the request to the guard.
         asked_count: How many numbers that has.
@@ -82,7 +82,7 @@ class Cycle:
     start: int
     ended: int
     cause: int
-    flags: int
+    marks: int
     commander: int
     asked_form: int
     asked_count: int

@@ -48,7 +48,7 @@ def take_state(desk: Longs) -> int:
     d = open_desk(desk)
     arrival = d.arrival
     arrival.has_wish = 0
-    size = arrival.size
+    size = arrival.length
     if size < POSITIONS_AT + SEAL:
         return PAYLOAD
     state = records(d.message, PAYLOAD_AT, 1, STATE_ROW)[0]
@@ -126,7 +126,7 @@ def take_wish(desk: Longs) -> int:
 def keep_wish(start: int, d: Desk) -> int:
     """Take over the WISH that begins there [bytes]."""
     arrival, words = d.arrival, d.message
-    room = arrival.size - SEAL - start - WISH_SIZE
+    room = arrival.length - SEAL - start - WISH_SIZE
     if room < 0:
         return PAYLOAD
     wish = records(words, start, 1, WISH_ROW)[0]

@@ -63,7 +63,7 @@ def write_answer(desk: Longs) -> None:
     write_nearest(d, command)
     command["reason"], command["cause"] = reason, cycle.cause
     command["level"], command["action"] = level, action
-    command["flags"], command["form"] = cycle.flags, cycle.asked_form
+    command["flags"], command["form"] = cycle.marks, cycle.asked_form
     command["joints"], command["robots"] = n, robots
     command["commander"] = cycle.commander
     at = (ROBOTS_AT + robots * ROBOT_SIZE) // 8

@@ -50,7 +50,7 @@ class Answers:
         """The message that answers the last cycle, which had been judged then [ns]."""
         cycle = self._judge.cycle
         self._ended[0] = ended
-        if cycle.flags & OBJECTS_CHANGED and cycle.level < CAUTION:
+        if cycle.marks & OBJECTS_CHANGED and cycle.level < CAUTION:
             self._level[0] = cycle.level = CAUTION
         self.level, self.reason = cycle.level, cycle.reason
         return self._outbox.seal(Kind.COMMAND, self._size)

@@ -196,9 +196,9 @@ class Cycles:
         context, cycle = self._context, self._cycle
         judge = context.judge
         cycle.number, cycle.start, cycle.cause = number, start, cause
-        cycle.flags = HELD if cause else 0
+        cycle.marks = HELD if cause else 0
         if start < context.changed:
-            cycle.flags |= OBJECTS_CHANGED
+            cycle.marks |= OBJECTS_CHANGED
         cycle.commander = context.command.sender
         judge.ask(cause)
         ended = time.monotonic_ns()
@@ -206,7 +206,7 @@ class Cycles:
         if last and ended - last > self._limit:
             cause = self._force = Cause.DEADLINE_MISSED
             cycle.cause = cause
-            cycle.flags |= MISSED
+            cycle.marks |= MISSED
             context.counters.count("deadline_missed")
             settings = context.settings
             sentence = (

@@ -198,7 +198,7 @@ class Reception:
         """Describe on the desk the message that is there."""
         context, arrival = self._context, self._arrival
         command = context.command
-        arrival.size, arrival.now = len(message), now
+        arrival.length, arrival.now = len(message), now
         arrival.sender = peer.sender
         arrival.sequence = context.authenticator.head.sequence
         # A WISH that does not count because of its age shows a token that never fits.
