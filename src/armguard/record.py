@@ -59,8 +59,10 @@ def attributes(row: Any) -> Any:
     """
     kinds = {"i": ctypes.c_int64, "f": ctypes.c_double}
     fields = [(name, kinds[row.dtype[name].kind]) for name in row.dtype.names]
-    declared = type("Attributes", (ctypes.Structure,), {"_fields_": fields})
-    return declared.from_buffer(row)  # type: ignore[attr-defined]
+    # Without slots a wrong name would be a new attribute.
+    contents = {"_fields_": fields, "__slots__": ()}
+    declared: Any = type("Attributes", (ctypes.Structure,), contents)
+    return declared.from_buffer(row)
 
 
 def dtype_of(declared: type) -> np.dtype[Any]:
