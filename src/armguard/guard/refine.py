@@ -47,7 +47,7 @@ def refine_pair(i: int, j: int, near: NearRow, w: Workspace) -> None:
     key_b = first_b if count_b else -1 - j
     line, cycle = w.memo[(key_a * 31 + key_b) % MEMO_SIZE], w.memory[CYCLE]
     if line.cycle != cycle or line.key_a != key_a or line.key_b != key_b:
-        measure_parts(i, j, w, line.witness)
+        measure_parts(i, j, w, line.witness[:])
         w.header.pairs_refined += 1.0
         line.key_a, line.key_b, line.cycle = key_a, key_b, cycle
     near.exact = line.witness[0]
