@@ -370,7 +370,7 @@ def test_every_whole_number_of_a_checkpoint_has_a_rule():
         columns = set()
         for rule in rules.get(name, ()):
             columns |= set(all_of_them if rule.columns is None else rule.columns)
-        assert columns == set(all_of_them), name
+        assert columns >= set(all_of_them), name
     assert set(rules) <= set(guard._saving.arrays)
     for rule in (rule for some in rules.values() for rule in some):
         assert not isinstance(getattr(rule, "most", 0), str) or rule.most in greatest
