@@ -23,7 +23,7 @@ from armguard.errors import ArmguardError
 from armguard.geometry import Box, Hull, Pose, Sphere
 from armguard.recording import calls, open_recording
 from armguard.recording.blocks import HEAD, pack_block, unpack_block
-from armguard.recording.frames import DATA, HEADER, KIND, TEXT, Kind, words
+from armguard.recording.frames import HEADER, IN_FRAME, Kind, words
 from armguard.recording.mcap_file import McapFile
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.recorder import Recorder, RecorderSettings
@@ -373,15 +373,19 @@ def changed_block(data, rng):
     for _ in range(int(rng.integers(1, 4))):
         at = int(rng.integers(end))
         row[at] = struct.unpack("<d", word(rng))[0]
-    if rng.random() < 0.3 and row[KIND] != Kind.CYCLE and 0 < row[TEXT] < 8 * end:
+    if (
+        rng.random() < 0.3
+        and row[IN_FRAME.kind] != Kind.CYCLE
+        and 0 < row[IN_FRAME.text] < 8 * end
+    ):
         # A text that is something else, of the same length.
-        size = int(row[TEXT])
+        size = int(row[IN_FRAME.text])
         room = row[HEADER : HEADER + words(size)].view(np.uint8)
         text = changed_text(room.tobytes()[:size], rng)[: len(room)]
         room[: len(text)] = np.frombuffer(text, np.uint8)
         room[len(text) :] = ord(" ")
     if rng.random() < 0.1:
-        row[DATA] = np.inf
+        row[IN_FRAME.data] = np.inf
     return pack_block(rows)
 
 

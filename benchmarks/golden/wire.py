@@ -11,23 +11,6 @@ from numpy.typing import NDArray
 
 from armguard.recording.ring import RingWriter
 from armguard.scene import bay_scene
-from armguard.service.desk.desk import (
-    BEGAN_AT,
-    BEGAN_BY,
-    BEGAN_WITH,
-    CAUSE,
-    COMMANDER,
-    CYCLE,
-    ENDED,
-    FLAGS,
-    NOW,
-    SENDER,
-    SEQUENCE,
-    SIZE,
-    START,
-    TOKEN,
-    WATCHDOG,
-)
 from armguard.service.desk.taking import take_state
 from armguard.service.server import ServiceSettings
 from armguard.service.server.judge import Judge
@@ -79,7 +62,10 @@ class WirePlay:
             np.frombuffer(message, np.float64),
             np.frombuffer(answer, np.float64),
         )
-        guard, given = judge.guard.guard, judge.desk.given.view(np.uint64)
+        guard, arrival, cycle = judge.guard.guard, judge.arrival, judge.cycle
+        arrival.sender = cycle.began_by = cycle.commander = ME
+        arrival.token, arrival.watchdog = TOKEN_OF_ME, 10**9
+        cycle.marks = 2
         q, v = guard.home, np.zeros_like(guard.home)
         desired = np.zeros_like(q)
         for k in range(self.cycles):
@@ -98,13 +84,12 @@ class WirePlay:
             payload += struct.pack("<QII", TOKEN_OF_ME, self.form, len(asked))
             payload += asked.tobytes()
             message[HEAD : HEAD + len(payload)] = payload
-            given[[SIZE, NOW, SENDER, SEQUENCE, TOKEN, WATCHDOG]] = (
-                HEAD + len(payload) + SEAL, start, ME, k + 1, TOKEN_OF_ME, 10**9,
-            )  # fmt: skip
-            take_state(judge.address)
+            arrival.length, arrival.now = HEAD + len(payload) + SEAL, start
+            arrival.sequence = cycle.began_with = k + 1
+            take_state(judge.lines)
             cause = Cause.STOP_ORDERED if k % 170 == 169 else Cause.NONE
-            given[[CYCLE, START, ENDED, CAUSE, FLAGS]] = k, start, start + 5, cause, 2
-            given[[BEGAN_BY, BEGAN_WITH, BEGAN_AT, COMMANDER]] = ME, k + 1, start, ME
+            cycle.number, cycle.start, cycle.ended = k, start, start + 5
+            cycle.cause, cycle.began_at = cause, start
             judge.ask(cause)
             command = judge.last
             assert command is not None

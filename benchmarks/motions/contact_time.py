@@ -6,6 +6,7 @@ import numpy as np
 
 from armguard.cli.console import say
 from armguard.guard import layout
+from armguard.guard.layout import IN_NEAR
 from armguard.respond import Guard
 from armguard.scene import bay_scene
 from arrays import Floats
@@ -80,7 +81,7 @@ class Estimate(NamedTuple):
 def primitives(verdict: Any, k: int) -> tuple[int, int]:
     """Numbers of the primitives of a verdict's k-th near pair."""
     row = verdict._data[verdict._names.first_row + k * layout.NEAR_WIDTH :]
-    return int(row[layout.FIRST]), int(row[layout.SECOND])
+    return int(row[IN_NEAR.first]), int(row[IN_NEAR.second])
 
 
 class Bay(Arms):

@@ -7,8 +7,10 @@ array of records (`Records`, `records`), or a kernel makes it on its stack by
 `maker(Record)`.
 """
 
+import ctypes
 from collections import deque
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints, overload
 
 import numba
@@ -38,8 +40,29 @@ class Records(Protocol[Row_co]):
 
 
 def records(shape: Any, declared: type) -> Any:
-    """An array of records, all zero; a NumPy array to Python, `Records` to kernels."""
+    """An array of records, all zero; a NumPy array to Python, `Records` to kernels.
+
+    Args:
+        shape: Its shape; () for a field of a table that is one record.
+        declared: A class decorated with `@record`.
+    """
     return np.zeros(shape, dtype_of(declared)).view(np.recarray)
+
+
+def attributes(row: Any) -> Any:
+    """An object whose attributes are the fields of a record, in the same memory.
+
+    A loop of Python reads and writes them thirty times as fast as those of the array.
+
+    Args:
+        row: Array of shape () of a record whose fields are numbers.
+    """
+    kinds = {"i": ctypes.c_int64, "f": ctypes.c_double}
+    fields = [(name, kinds[row.dtype[name].kind]) for name in row.dtype.names]
+    # Without slots a wrong name would be a new attribute.
+    contents = {"_fields_": fields, "__slots__": ()}
+    declared: Any = type("Attributes", (ctypes.Structure,), contents)
+    return declared.from_buffer(row)
 
 
 def dtype_of(declared: type) -> np.dtype[Any]:
@@ -54,8 +77,21 @@ def dtype_of(declared: type) -> np.dtype[Any]:
     return np.dtype(fields, align=True)
 
 
+def indices(declared: type) -> Any:
+    """Index of the first number of each field in a record of equal numbers, by name."""
+    fields: Any = dtype_of(declared).fields
+    return SimpleNamespace(**{name: at // 8 for name, (_, at, *_) in fields.items()})
+
+
 def record(declared: type[Record]) -> type[Record]:
-    """Let annotations of separate kernels name a record."""
+    """Let annotations of separate kernels name a record.
+
+    Raises:
+        TypeError: A field has the name of an attribute of NumPy's records, which an
+            interpreted kernel would read instead.
+    """
+    if taken := set(dtype_of(declared).names or ()).intersection(dir(np.recarray)):
+        raise TypeError(f"{declared.__name__} has fields that NumPy names: {taken}")
     as_numba_type.register(declared, numba.from_dtype(dtype_of(declared)))
     return declared
 
@@ -101,6 +137,11 @@ if numba.config.DISABLE_JIT:
         for name in row.dtype.names:
             row[name] = 0
 
+    def copy(row: Any, out: Any) -> None:
+        """Copy all fields of a record to another one of its kind."""
+        for name in row.dtype.names:
+            out[name] = row[name]
+
 else:
 
     @intrinsic  # type: ignore[untyped-decorator]
@@ -113,3 +154,15 @@ else:
             return context.get_dummy_value()
 
         return types.none(row), generate
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def copy(typing_context: Any, row: Any, out: Any) -> Any:
+        """Copy all fields of a record to another one of its kind."""
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            source, place = (builder.bitcast(a, cgutils.voidptr_t) for a in args)
+            size = ir.Constant(ir.IntType(64), row.size)
+            cgutils.raw_memcpy(builder, place, source, size, 1)
+            return context.get_dummy_value()
+
+        return types.none(row, out), generate

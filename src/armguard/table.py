@@ -4,7 +4,8 @@ A `NamedTuple` of arrays decorated with `@table` is a table: the annotation of a
 says what kind its array is. To pass forty arrays to compiled code one by one costs more
 than a whole cycle. So a `Ledger` holds the addresses of a table's arrays, and a table
 in compiled code is the address of that: a field is loaded where it is named. A field
-may be a table of its own, which is then shared by all tables that name it. Kernels that
+may be one record, or a table of its own, which is then shared by all tables that name
+it. Kernels that
 Python calls take the ledger's lines and make the table of them by `opener(Table)`. The
 owner of a ledger owns the arrays too and keeps them alive.
 """
@@ -72,13 +73,15 @@ as_numba_type.register(array_type)
 
 @cache
 def array_types(table: type) -> tuple[tuple[str, Any], ...]:
-    """Name and Numba type of each field, a tuple of arrays as the tuple it is."""
+    """Name and Numba type of each field: an array, a record, a table, or a tuple."""
     found: dict[str, Any] = {}
     for name, hint in get_type_hints(table, include_extras=True).items():
         if TABLE in get_args(hint):
             found[name] = TableType(get_args(hint)[0])
         elif get_args(hint):
             found[name] = array_type(hint)
+        elif not hasattr(hint, "_fields"):
+            found[name] = numba.from_dtype(dtype_of(hint))
         else:
             parts = [kind for _, kind in array_types(hint)]
             found[name] = types.containers.BaseTuple.from_types(parts, pyclass=hint)
@@ -104,7 +107,10 @@ def arrays_of(
         if isinstance(value, tuple):
             yield from arrays_of(value, {})
             continue
-        if numba.from_dtype(value.dtype) != kind.dtype or value.ndim != kind.ndim:
+        found = numba.from_dtype(value.dtype)
+        if value.ndim > 0:
+            found = types.Array(found, value.ndim, "C")
+        if found != kind:
             raise TypeError(
                 f"{type(table).__name__}.{name} is an array of {value.ndim} "
                 f"dimensions of {value.dtype}, not {kind}"
@@ -149,8 +155,8 @@ class Ledger:
         if not array.flags.carray:
             raise TypeError(f"array {k} of a ledger is not contiguous")
         self.arrays[k] = array
-        columns = array.shape[1] if array.ndim == 2 else 1
-        self.lines[k * LINE :][:LINE] = array.ctypes.data, array.shape[0], columns
+        rows, columns = (*array.shape, 1, 1)[:2]
+        self.lines[k * LINE :][:LINE] = array.ctypes.data, rows, columns
 
 
 class TableType(types.Type):
@@ -179,7 +185,7 @@ def table(declared: type[Table]) -> type[Table]:
 
     Args:
         declared: A `NamedTuple` whose fields are arrays of the kinds above, tuples of
-            such, or tables.
+            such, records, or tables.
     """
     as_numba_type.register(declared, TableType(declared))
     return declared
@@ -204,6 +210,9 @@ def load_field(
     kind, first = table.places[name]
     if isinstance(kind, TableType):
         return builder.inttoptr(load_word(builder, value, LINE * first), VOID_POINTER)
+    if isinstance(kind, types.Record):
+        word = load_word(builder, value, LINE * first)
+        return builder.inttoptr(word, context.get_value_type(kind))
     if not isinstance(kind, types.containers.BaseTuple):
         return load_array(context, builder, kind, value, first)
     arrays = [
@@ -296,10 +305,12 @@ def from_lines(table: type, address: int, first: int = 0) -> tuple[Any, int]:
             fields.append(part)
             k += count
             continue
-        place, *shape = lines[LINE * k :][: 1 + kind.ndim].tolist()
-        found = numba.carray(
-            pointer(place), tuple(shape), numpy_support.as_dtype(kind.dtype)
-        )
-        fields.append(found.view(np.recarray) if found.dtype.names else found)
+        one = isinstance(kind, types.Record)
+        place, *shape = lines[LINE * k :][: 2 if one else 1 + kind.ndim].tolist()
+        dtype = numpy_support.as_dtype(kind if one else kind.dtype)
+        found = numba.carray(pointer(place), tuple(shape), dtype)
+        if dtype.names:
+            found = found.view(np.recarray)
+        fields.append(found[0] if one else found)
         k += 1
     return table(*fields), k - first

@@ -5,42 +5,41 @@ import pytest
 
 from approach import ball_guard
 from armguard.guard import Level, Reason, layout
-from armguard.guard.answer import COUNTED, NEAR_ROW, ROBOT_ROW, Answer, stop_answer
+from armguard.guard.answer import COUNTED, Answer, stop_answer
+from armguard.guard.layout import IN_HEADER, Header, NearRow, RobotRow
+from armguard.record import dtype_of
 
-# Fields whose place in `layout` has another name.
-ROBOT_NAMES = {name: f"ROBOT_{name.upper()}" for name in ROBOT_ROW.names}
-NEAR_NAMES = {name: name.upper() for name in NEAR_ROW.names} | {"distance": "WITNESS"}
-BEHIND_DISTANCE = {"point_a": 1, "point_b": 4, "normal": 7}
+# Numbers of the header and of the rows in their order, `name:3` for a vector of three:
+# recordings hold them.
+ORDERS = {
+    Header: "reason joint value near_count nearest pairs_tested pairs_kept "
+    "pairs_filtered bodies_moved links_checked changed_leaf leaves_entered leaves_left "
+    "splits merges pairs_refined pairs_apart robot least_time_left spans_tested "
+    "terms:12",
+    RobotRow: "level phase scale age cause urgency time force:3 torque:3 tool:3 delay",
+    NearRow: "first second headroom buffer outer exact time_left time_to_contact proof "
+    "envelope distance point_a:3 point_b:3 normal:3",
+}
 
 
-@pytest.mark.parametrize(
-    ("row", "names", "width"),
-    [
-        (ROBOT_ROW, ROBOT_NAMES, layout.ROBOT_WIDTH),
-        (NEAR_ROW, NEAR_NAMES, layout.NEAR_WIDTH),
-    ],
-    ids=["robot", "near pair"],
-)
-def test_every_field_is_at_its_place_of_the_layout(row, names, width):
-    assert row.itemsize == 8 * width
-    for name, (_, offset, *_) in row.fields.items():
-        if name in BEHIND_DISTANCE:
-            place = layout.WITNESS + BEHIND_DISTANCE[name]
-        else:
-            place = getattr(layout, names[name])
-        assert offset == 8 * place, name
+@pytest.mark.parametrize("row", ORDERS, ids=lambda row: row.__name__)
+def test_every_number_is_at_its_place_of_the_layout(row):
+    parts = [part.partition(":") for part in ORDERS[row].split()]
+    expected = [
+        (name, np.float64, *map(int, filter(None, [n]))) for name, _, n in parts
+    ]
+    assert dtype_of(row) == np.dtype(expected)
 
 
 def test_counts_are_in_the_order_of_the_layout():
     numbers = np.zeros(layout.HEADER)
-    numbers[layout.PAIRS_TESTED : layout.PAIRS_APART + 1] = range(1, 13)
+    first, last = IN_HEADER.pairs_tested, IN_HEADER.pairs_apart
+    numbers[first : last + 1] = range(1, 13)
     names = ball_guard().names
     counts = Answer(np.append(numbers, np.zeros(200)), names).counts
-    places = ("PAIRS_TESTED", "SPLITS", "MERGES", "PAIRS_REFINED", "PAIRS_APART")
-    for place in places:
-        name = place.lower()
-        assert getattr(counts, name) == numbers[getattr(layout, place)], name
-    assert len(COUNTED) == layout.PAIRS_APART + 1 - layout.PAIRS_TESTED
+    for name in ("pairs_tested", "splits", "merges", "pairs_refined", "pairs_apart"):
+        assert getattr(counts, name) == numbers[getattr(IN_HEADER, name)], name
+    assert len(COUNTED) == last + 1 - first
     assert counts.pairs_skipped == names.tables.checkable_pairs - counts.pairs_tested
 
 

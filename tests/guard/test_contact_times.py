@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 from armguard.guard.contact_times import contact_time, lever_time, time_to_contact
-from armguard.guard.layout import NEAR_COUNT, TIME_TO_CONTACT
-from armguard.guard.near_pairs import row_place
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from sliding import at_gap, let_go, slides
@@ -20,10 +18,10 @@ def look_at_all(lines, times):
     """Write when each near pair can touch, by levers alone and with directions."""
     w = open_workspace(lines)
     v, m = w.watch, w.motion
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        times[k, 0] = w.out[place + TIME_TO_CONTACT] = lever_time(place, w, v, m)
-        times[k, 1] = contact_time(place, w, v, m)
+    for k in range(int(w.header.near_count)):
+        near = w.near[k]
+        times[k, 0] = near.time_to_contact = lever_time(near, w, v, m)
+        times[k, 1] = contact_time(near, w, v, m)
 
 
 @numba.njit

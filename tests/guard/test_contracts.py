@@ -9,7 +9,6 @@ from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason, Region
 from armguard.guard import grips as at
 from armguard.guard.contracts import prove_with_contract
-from armguard.guard.near_pairs import row_place
 from armguard.guard.watch import RECOVERING, RESTING
 from armguard.guard.workspace import CONTRACTS, INTENTS, open_workspace
 from armguard.motion.pair_state import ALLOWED, EXCEEDED, PROVEN
@@ -391,7 +390,7 @@ def test_the_reason_has_its_sentence():
 def prove(lines):
     """How the first near pair is proven."""
     w = open_workspace(lines)
-    return prove_with_contract(0, 1, NEXT, NEXT, row_place(0, w), w)[0]
+    return prove_with_contract(0, 1, NEXT, NEXT, w.near[0], w)[0]
 
 
 def slides_in_contract(gap=0.003, speed=0.1):

@@ -8,28 +8,20 @@ import pytest
 
 from armguard.guard import commands as kernels
 from armguard.guard.change import bound_growth, joint_growth
-from armguard.guard.layout import HEADER, JOINT, REASON, VALUE
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
-    AGREEMENT,
-    BACKWARDS,
-    COMMANDED,
     DELAY_SHARE,
     DELAY_STEPS,
-    GIVEN,
-    JUDGED_WAY,
-    LAST,
-    LATE,
-    NOW_TIME,
-    PACE,
-    PERIOD,
     RECOVERING,
     RESTING,
-    RESTS,
     RUNNING,
-    SETTLES,
     STOPPING,
-    WAY,
+    Agreement,
+    Given,
+    JudgedStop,
+    LastCycle,
+    Timing,
 )
 from armguard.motion import figures as figure
 from armguard.motion.figures import JointFigures, RobotFigures
@@ -62,9 +54,11 @@ def memory(rng, count=0, now=10.0):
             sent[k],
             held[k],
         )
-    given, pace = np.zeros(GIVEN), np.zeros(PACE)
-    given[NOW_TIME], given[COMMANDED] = now, 1.0
-    pace[PERIOD], pace[LATE] = 0.004, 0.003
+    agreement = records(JOINTS, Agreement)
+    agreement.earlier = np.nan
+    given, timing = records(1, Given)[0], records(1, Timing)[0]
+    given.now, given.commanded = now, 1
+    timing.period, timing.late = 0.004, 0.003
     v = record(
         sent=ring,
         sent_at=ring_at,
@@ -72,7 +66,7 @@ def memory(rng, count=0, now=10.0):
         sent_count=np.array([count]),
         stamps=now - rng.uniform(0.0, 0.1, JOINTS),
         given=given,
-        pace=pace,
+        timing=timing,
         under_way=np.zeros((JOINTS, 2)),
         driven_to=np.zeros((JOINTS, 2)),
         wanted=rng.uniform(-0.6, 0.6, JOINTS),
@@ -85,8 +79,8 @@ def memory(rng, count=0, now=10.0):
         ordered=now - rng.uniform(0.0, 0.1, JOINTS),
         followed=np.tile([-np.inf, np.inf], (JOINTS, DELAY_STEPS)),
         delays=np.zeros(JOINTS),
-        last=np.zeros(LAST),
-        agreement=np.full((JOINTS, AGREEMENT), np.nan),
+        last=records(1, LastCycle)[0],
+        agreement=agreement,
         lagged=np.zeros(JOINTS, np.int64),
     )
     joint_figures = records(JOINTS, JointFigures)
@@ -184,7 +178,7 @@ def test_what_is_under_way_is_what_was_sent_since_and_the_last_before(count, tol
     for _ in range(30):
         v, m, sent = memory(rng, count)
         if not told:
-            v.given[NOW_TIME] = np.nan
+            v.given.now = np.nan
         look(v, m)
         for j in range(JOINTS):
             since = v.stamps[j] - DELAY - (0.0 if told else SENSING)
@@ -199,7 +193,7 @@ def test_a_joint_is_driven_to_what_is_under_way_and_then_to_what_is_wanted(comma
     rng = np.random.default_rng(2)
     for _ in range(50):
         v, m, _ = memory(rng)
-        v.given[COMMANDED] = commanded
+        v.given.commanded = commanded
         v.driven_to[:] = np.sort(rng.uniform(-0.9, 0.9, (JOINTS, 2)), axis=1)
         drive(v, m)
         for j in range(JOINTS):
@@ -230,7 +224,7 @@ def test_what_is_new_is_taken_back_to_what_is_under_way(share):
 
 @pytest.mark.parametrize("phase", [RUNNING, RECOVERING, RESTING])
 def test_a_joint_that_is_faster_than_it_was_told_is_named_with_its_speed(phase):
-    rng, out = np.random.default_rng(5), np.zeros(HEADER)
+    rng, out = np.random.default_rng(5), records(1, Header)[0]
     for beyond in (-1e-3, 1e-3):
         for sign in (-1.0, 1.0):
             v, m, _ = memory(rng, 1)
@@ -249,8 +243,8 @@ def test_a_joint_that_is_faster_than_it_was_told_is_named_with_its_speed(phase):
             right = follows(v, m, out)
             assert right == (beyond < 0.0 or phase == RESTING)
             if not right:
-                assert (out[REASON], out[JOINT]) == (Reason.NOT_FOLLOWED, 1)
-                assert out[VALUE] == pytest.approx(near + 0.03 * sign)
+                assert (out.reason, out.joint) == (Reason.NOT_FOLLOWED, 1)
+                assert out.value == pytest.approx(near + 0.03 * sign)
             elif phase != RESTING:
                 # It is no faster than it can have become.
                 assert m.v_low[1] == max(before[0][1], -0.1 - 0.02)
@@ -267,7 +261,7 @@ def test_a_joint_that_older_commands_explain_is_named_with_the_delay_of_its_driv
     step = DELAY_SHARE * DELAY
     for beyond, sign in product((-1e-3, 1e-3), (-1.0, 1.0)):
         v, m, _ = memory(np.random.default_rng(12), 1)
-        out = np.zeros(HEADER)
+        out = records(1, Header)[0]
         v.band[:] = -0.1, 0.2
         v.followed[1] = [-0.1, 0.2] * short + [-0.9, 0.9] * (DELAY_STEPS - short)
         v.delays[:] = 0.0, 2.5 * step
@@ -279,13 +273,13 @@ def test_a_joint_that_older_commands_explain_is_named_with_the_delay_of_its_driv
         assert v.delays == pytest.approx([0.0, max(shown, 2.5 * step)])
         if beyond < 0.0:
             continue
-        assert out[JOINT] == 1
+        assert out.joint == 1
         if short < DELAY_STEPS:
-            assert out[REASON] == Reason.DRIVE_LAGS
-            assert out[VALUE] == v.delays[1]
+            assert out.reason == Reason.DRIVE_LAGS
+            assert out.value == v.delays[1]
         else:
-            assert out[REASON] == Reason.NOT_FOLLOWED
-            assert out[VALUE] == pytest.approx(speed)
+            assert out.reason == Reason.NOT_FOLLOWED
+            assert out.value == pytest.approx(speed)
 
 
 def test_the_time_since_the_last_commands_is_no_longer_than_a_cycle_may_take():
@@ -296,7 +290,7 @@ def test_the_time_since_the_last_commands_is_no_longer_than_a_cycle_may_take():
         (0.02, 0.007),
         (-1.0, 0.004),
     ):
-        v.commanded_at[0] = v.given[NOW_TIME] - since
+        v.commanded_at[0] = v.given.now - since
         assert passed(v) == pytest.approx(known)
     v.sent_count[0] = 0
     assert passed(v) == 0.004
@@ -327,7 +321,7 @@ def test_what_is_sent_is_remembered_with_who_is_held():
         assert v.commanded == pytest.approx([wanted[0], 0.0])
         assert v.sent[count % ROOM] == pytest.approx([wanted[0], 0.0])
         assert v.held[count % ROOM].tolist() == [0, 1]
-        assert v.sent_at[count % ROOM] == v.commanded_at[0] == v.given[NOW_TIME]
+        assert v.sent_at[count % ROOM] == v.commanded_at[0] == v.given.now
         assert v.sent_count[0] == count + 1
         assert (v.band[:, 0] == np.minimum(v.under_way[:, 0], m.v_low)).all()
         assert (v.band[:, 1] == np.maximum(v.under_way[:, 1], m.v_high)).all()
@@ -370,21 +364,21 @@ def stops(rng):
     after = before.copy()
     for name in ("travel", "swing", "swing_back"):
         after[name] += rng.uniform(-0.1, 0.1, after.shape)
-    ways = np.zeros((2 * PLANS * JOINTS, JUDGED_WAY))
+    judged = records(2 * PLANS * JOINTS, JudgedStop)
     for side in range(2):
-        ways[side::2, WAY] = farthest_of(before[side])
-        ways[side::2, BACKWARDS] = before[side].opposite_speed
-        ways[side::2, SETTLES] = before[side].settled
-        ways[side::2, RESTS] = before[side].travel
-    return before, after, ways
+        judged.travel[side::2] = farthest_of(before[side])
+        judged.opposite_speed[side::2] = before[side].opposite_speed
+        judged.settled[side::2] = before[side].settled
+        judged.rest_travel[side::2] = before[side].travel
+    return before, after, judged
 
 
 def changed(rng):
     """A watch and a motion in which stops have changed since they were judged."""
-    before, after, ways = stops(rng)
+    before, after, judged = stops(rng)
     clock = rng.uniform(0.0, 0.1, (PLANS * JOINTS, CLOCK))
     v = record(
-        judged_ways=ways,
+        judged_stops=judged,
         judged_clock=clock.copy(),
         ahead=np.full(1, 5.0),
         grown=np.zeros(1),
@@ -430,7 +424,7 @@ def test_a_stop_that_settles_later_may_swing_where_the_joint_rested_before():
         for later in (-1e-6, 1e-6):
             v, m, most = changed(rng)
             m.up.settled[:] += later
-            rested = v.judged_ways[::2, RESTS].reshape(PLANS, JOINTS)
+            rested = v.judged_stops.rest_travel[::2].reshape(PLANS, JOINTS)
             swings = farthest_of(m.up).reshape(PLANS, JOINTS) - rested
             expected = np.maximum(most, swings.max(0)) if later > 0.0 else most
             for j in range(JOINTS):
@@ -446,7 +440,7 @@ def test_what_may_turn_round_or_has_other_clocks_is_judged_anew():
         assert growth(1, v, m) < np.inf
     for speed in (0.0, 0.2):
         v, m, _ = changed(rng)
-        v.judged_ways[:, BACKWARDS] = 0.3
+        v.judged_stops.opposite_speed = 0.3
         m.up.opposite_speed[:] = speed
         assert growth(0, v, m) == np.inf
 

@@ -9,7 +9,7 @@ import pytest
 from armguard.geometry import Pose
 from armguard.guard import Reason, contact_speed, needs, settling, stops
 from armguard.guard.grips import CONTRACT, CREEP, GAIN
-from armguard.guard.layout import WITNESS
+from armguard.guard.layout import NearRow
 from armguard.guard.watch import BRAKING
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.state import CLOCK, PLANS, STILL
@@ -147,19 +147,19 @@ def test_two_arms_of_a_trunk_close_at_the_sum_of_both_whatever_the_trunk_does(
 
 
 @numba.njit
-def rate_along_normal(i, j, w, v, m):
+def rate_along_normal(i, j, near, w, v, m):
     """Greatest closing speed of a pair, by its normal."""
-    return needs.rate_along_normal(i, j, 0, w, v, m)
+    return needs.rate_along_normal(i, j, near, w, v, m)
 
 
 @pytest.mark.parametrize("moves", ["one", "both"])
 def test_a_pair_closes_as_fast_as_the_worst_corner_of_its_velocities(moves):
     rng = np.random.default_rng(0)
     for _ in range(20):
-        axes, out = rng.normal(size=(4, 6)), np.zeros(WITNESS + 10)
+        axes, near = rng.normal(size=(4, 6)), records(1, NearRow)[0]
         points, n = rng.normal(size=(2, 3)), rng.normal(size=3)
         n /= np.linalg.norm(n)
-        out[WITNESS + 1 : WITNESS + 10] = np.concatenate([*points, n])
+        near.point_a, near.point_b, near.normal = *points, n
         kinds = np.array([REVOLUTE, PRISMATIC, REVOLUTE, REVOLUTE], dtype=np.int32)
         gains = rng.uniform(0.5, 2.0, 4)
         velocities = np.sort(rng.normal(size=(4, 2)), axis=1)
@@ -181,7 +181,7 @@ def test_a_pair_closes_as_fast_as_the_worst_corner_of_its_velocities(moves):
             v_low=velocities[:, 0].copy(),
             v_high=velocities[:, 1].copy(),
         )
-        w = record(bodies=np.arange(2, dtype=np.int32), out=out)
+        w = record(bodies=np.arange(2, dtype=np.int32))
         v = record(top_speed=np.array([0.0, 0.0 if both else 0.3]))
         closing = []
         for corner in product(*velocities):
@@ -193,4 +193,4 @@ def test_a_pair_closes_as_fast_as_the_worst_corner_of_its_velocities(moves):
                 speeds[side] += gains[b] * corner[b] * way
             closing.append(n @ (speeds[0] - speeds[1]))
         known = max(closing) + (0.0 if both else 0.3)
-        assert rate_along_normal(0, 1, w, v, m) == pytest.approx(known)
+        assert rate_along_normal(0, 1, near, w, v, m) == pytest.approx(known)

@@ -6,8 +6,7 @@ import pytest
 
 from armguard.geometry import Pose
 from armguard.guard.change import NO_ROW, TOO_MANY, note_pair, renew
-from armguard.guard.layout import HEADROOM, NEAR_COUNT, PROOF
-from armguard.guard.workspace import FIRST_ROW, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import PROVEN, UNSURE
 from armguard.motion.state import LOOKED, SETTLED
 from sliding import APART, at_gap, let_go, slides
@@ -21,9 +20,9 @@ def renewed(lines):
 
 
 @numba.njit
-def noted(place, lines):
+def noted(lines):
     w = open_workspace(lines)
-    note_pair(0, 1, 0, place, w, w.watch)
+    note_pair(0, 1, 0, w.near[0], w, w.watch)
 
 
 class Judged:
@@ -35,18 +34,18 @@ class Judged:
         let_go(self.guard)
         verdict = self.guard.step(at_gap(0.5), 5.0, velocity=[0.1], now=5.0)
         self.left = verdict.nearest.headroom
-        assert self.guard._out[NEAR_COUNT] == 1
+        assert self.guard._workspace.header.near_count == 1
 
     def renew(self, left, grown, longer, row):
         """Whether a pair is proven again; the proof and headroom in its row."""
-        v, m, out = self.guard._watch, self.guard._motion, self.guard._out
-        place = int(self.guard._settings[FIRST_ROW])
+        v, m = self.guard._watch, self.guard._motion
+        near = self.guard._workspace.near[0]
         v.judged_count[0], v.judged_left[0], v.grown[0] = 1, left, grown
         v.judged_pairs[0] = 0, 1, row
         v.judged_settled[0] = m.span[SETTLED] - longer
-        out[place + HEADROOM] = 9.0
+        near.headroom = 9.0
         known = renewed(self.guard._lines.ctypes.data)
-        return known, out[place + PROOF], out[place + HEADROOM]
+        return known, near.proof, near.headroom
 
 
 @pytest.mark.parametrize("longer", [-0.04, 0.0, 0.04])
@@ -73,13 +72,13 @@ def test_what_joints_and_an_object_add_is_taken_off_what_was_left(longer):
 )
 def test_only_what_was_proven_by_itself_has_anything_left(proof, looked, known):
     guard = Judged().guard
-    v, out, place = guard._watch, guard._out, int(guard._settings[FIRST_ROW])
-    out[place + PROOF], out[place + HEADROOM] = proof, 0.3
+    v, near = guard._watch, guard._workspace.near[0]
+    near.proof, near.headroom = proof, 0.3
     guard._motion.effort[LOOKED] = looked
     v.judged_count[0] = 0
-    noted(place, guard._lines.ctypes.data)
+    noted(guard._lines.ctypes.data)
     assert (v.judged_count[0], v.judged_left[0]) == (1, known)
     assert v.judged_pairs[0].tolist() == [0, 1, 0]
     v.judged_count[0] = len(v.judged_pairs)
-    noted(place, guard._lines.ctypes.data)
+    noted(guard._lines.ctypes.data)
     assert v.judged_count[0] == TOO_MANY

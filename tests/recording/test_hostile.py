@@ -13,7 +13,7 @@ from armguard.cli.app import app
 from armguard.errors import ArmguardError, RecordingError
 from armguard.recording import open_recording
 from armguard.recording.blocks import HEAD, unpack_block
-from armguard.recording.frames import CYCLE, HEADER, JOINTS, KIND, MONOTONIC, Kind
+from armguard.recording.frames import HEADER, IN_FRAME, Kind
 from armguard.recording.mcap_file import McapFile, unpacked
 from armguard.recording.motions import load_motion
 from armguard.recording.recording import (
@@ -121,19 +121,19 @@ def test_a_chunk_whose_messages_lie_about_their_length_is_read_as_far_as_it_goes
 
 def test_a_frame_that_cannot_be_is_left_out():
     row = np.zeros(HEADER)
-    row[KIND] = Kind.CHECKPOINT
+    row[IN_FRAME.kind] = Kind.CHECKPOINT
     assert plausible_frame(row, 3, 1).kind is Kind.CHECKPOINT
-    for place in (KIND, CYCLE, MONOTONIC, JOINTS):
+    for name in ("kind", "cycle", "monotonic", "joints"):
         for value in (np.inf, -np.inf, np.nan, 1e300, -1.0):
-            if place == MONOTONIC and value == -1.0:
+            if name == "monotonic" and value == -1.0:
                 continue
             wrong = row.copy()
-            wrong[place] = value
+            wrong[getattr(IN_FRAME, name)] = value
             with pytest.raises(ValueError, match=r"\w"):
                 plausible_frame(wrong, 3, 1)
     with pytest.raises(ValueError, match="numbers"):
         wrong = row.copy()
-        wrong[KIND] = Kind.CYCLE
+        wrong[IN_FRAME.kind] = Kind.CYCLE
         plausible_frame(wrong, 3, 1)
 
 

@@ -11,7 +11,7 @@ from armguard import bay_scene
 from armguard.cli.console import jsonable
 from armguard.guard import Level, Reason
 from armguard.guard.answer import names_of
-from armguard.guard.layout import REASON
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.nuisance import Cause
 from armguard.recording import open_recording
 from armguard.recording.frames import Kind, text_frame
@@ -323,7 +323,7 @@ def test_a_run_after_a_restart_of_the_machine_follows_the_first(
 def test_a_reason_of_a_newer_version_is_left_out_and_told(evening: Evening, names):
     (last,) = [f for f in evening.frames if f.cycle == CYCLES - 1]
     numbers = last.verdict.copy()
-    numbers[REASON] = 99.0
+    numbers[IN_HEADER.reason] = 99.0
     newer = replace(last, verdict=numbers, cycle=CYCLES)
     found = gather([*evening.frames, newer], names)
     assert "a newer one does" in found.problems[0]

@@ -11,11 +11,10 @@ import pytest
 
 from armguard.geometry import Pose, Sphere
 from armguard.guard import Level, Reason
-from armguard.guard.near_pairs import row_place
 from armguard.guard.objects import SightingError
 from armguard.guard.proofs import prove_pair
 from armguard.guard.relief import SINK, is_driven_nearer, relief_of
-from armguard.guard.watch import COMMANDED, RECOVERING, RESTING, RUNNING
+from armguard.guard.watch import RECOVERING, RESTING, RUNNING
 from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import PROVEN, UNPROVEN
 from armguard.motion.state import NEXT, SEGMENT
@@ -39,14 +38,14 @@ def relief_at(spare, floor, lines):
     """What is taken off the need of the first near pair [m]."""
     w = open_workspace(lines)
     v, m = w.watch, w.motion
-    return relief_of(0, 1, row_place(0, w), spare, floor, w, v, m)
+    return relief_of(0, 1, w.near[0], spare, floor, w, v, m)
 
 
 @numba.njit
 def driven_nearer(r, lines):
     """Whether a robot is driven nearer to the other side of the first near pair."""
     w = open_workspace(lines)
-    return is_driven_nearer(r, 0, 1, row_place(0, w), w)
+    return is_driven_nearer(r, 0, 1, w.near[0], w)
 
 
 def looked_at(*figures, mover=None):
@@ -135,7 +134,7 @@ def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
         guard, lines = looked_at({})
         leaving(guard)
         guard._watch.relief[0] = 0.1
-        guard._watch.given[COMMANDED] = commanded
+        guard._watch.given.commanded = commanded
         guard._motion.span[SEGMENT] = segment
         relieved = relief_at(-0.02, FLOOR, lines) > 0.0
         assert relieved == (commanded != 0.0 and segment == 0.0)
@@ -196,7 +195,7 @@ def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
 def proven(lines):
     """How the first near pair is proven, and what it has left [m]."""
     w = open_workspace(lines)
-    return prove_pair(0, 1, NEXT, NEXT, row_place(0, w), w)
+    return prove_pair(0, 1, NEXT, NEXT, w.near[0], w)
 
 
 @pytest.mark.parametrize("spare", [-1e-4, 1e-4])

@@ -11,10 +11,8 @@ import pytest
 from approach import FIGURES
 from armguard.geometry import Pose
 from armguard.guard import Reason
-from armguard.guard.layout import WITNESS
-from armguard.guard.near_pairs import row_place
 from armguard.guard.pair_row import pair_row
-from armguard.guard.workspace import FIRST_ROW, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.motion.state import BUDGET
 from armguard.record import records
 from armguard.respond import Guard
@@ -105,7 +103,7 @@ def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new
 def closing_row(i, j, row, lines):
     """How fast each joint closes a pair whose witness is in the first row."""
     w = open_workspace(lines)
-    pair_row(i, j, row_place(0, w), row, w, w.motion)
+    pair_row(i, j, w.near[0], row, w, w.motion)
 
 
 def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
@@ -124,7 +122,7 @@ def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
     guard = Guard(scene, self_test=False)
     w, moving = guard._workspace, guard.tables.moving_count
     q = guard.home + rng.uniform(-0.5, 0.5, 6)
-    place = int(w.settings[FIRST_ROW])
+    near = w.near[0]
 
     def poses(q):
         """Where each body is."""
@@ -137,7 +135,7 @@ def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
         i, j = sorted(pair)
         points = rng.normal(size=(2, 3))
         n = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
-        w.out[place + WITNESS + 1 : place + WITNESS + 10] = [*points.ravel(), *n]
+        near.point_a, near.point_b, near.normal = *points, n
         row = np.zeros(6)
         closing_row(i, j, row, guard._lines.ctypes.data)
         bodies = w.bodies[[i, j]]

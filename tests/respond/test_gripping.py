@@ -7,8 +7,6 @@ from armguard.errors import GraspError, UnknownNameError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason
 from armguard.guard.grips import INTENDED
-from armguard.guard.layout import NEAR_COUNT, PROOF
-from armguard.guard.near_pairs import row_place
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED
@@ -157,10 +155,9 @@ def rows_of_contract(response, lines):
     """Rows of the first robot's program: those of the first pair under a contract."""
     a, w = open_response(response), open_workspace(lines)
     a.notes[0, ROW_COUNT] = 0
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        if w.out[place + PROOF] == ALLOWED:
-            add_pair(place, False, a, w, w.watch, w.motion)
+    for k in range(int(w.header.near_count)):
+        if w.near[k].proof == ALLOWED:
+            add_pair(w.near[k], False, a, w, w.watch, w.motion)
             break
     return a.notes[0, ROW_COUNT]
 

@@ -12,18 +12,7 @@ from armguard.geometry import Capsule, Pose, Sphere
 from armguard.guard.grips import CONTRACT, IN_FORCE, NONE
 from armguard.guard.grips import STATE as CONTRACT_STATE
 from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
-from armguard.guard.watch import (
-    GIVEN,
-    LAST,
-    LATE,
-    NOW_TIME,
-    PACE,
-    RESTING,
-    RUNNING,
-)
-from armguard.guard.watch import (
-    PERIOD as PERIOD_AT,
-)
+from armguard.guard.watch import RESTING, RUNNING, Given, LastCycle, Timing
 from armguard.guard.workspace import INTENTS, open_workspace
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.pair_state import new_pair
@@ -62,8 +51,8 @@ def framed(commanded, requested, share=1.0, scales=1, acceleration=20.0):
     robot_figures[0].joint_count = JOINTS
     settings = records(1, places.Behaviour)
     settings.scales = scales
-    given, pace = np.zeros(GIVEN), np.zeros(PACE)
-    given[NOW_TIME], pace[PERIOD_AT], pace[LATE] = 5.0, 0.01, 0.0
+    given, timing = records(1, Given)[0], records(1, Timing)[0]
+    given.now, timing.period, timing.late = 5.0, 0.01, 0.0
     a = record(
         requested=np.array(requested),
         target=np.zeros(JOINTS),
@@ -83,9 +72,9 @@ def framed(commanded, requested, share=1.0, scales=1, acceleration=20.0):
         commanded_at=np.array([5.0 - DT]),
         sent_count=np.array([3]),
         given=given,
-        pace=pace,
+        timing=timing,
         stamps=np.array([5.0]),
-        last=np.zeros(LAST),
+        last=records(1, LastCycle)[0],
     )
     m = record(
         q=np.zeros(JOINTS),

@@ -9,17 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from armguard.guard.intent import middle_of, velocity_of
 from armguard.guard.watch import (
-    GIVEN,
-    HAS_VELOCITY,
-    LAST,
-    LATE,
-    NOW_TIME,
-    PACE,
-    PERIOD,
     RECOVERING,
     RESTING,
     RUNNING,
     STOPPING,
+    Given,
+    LastCycle,
+    Timing,
 )
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.state import CLOCK, PLANS, REACTION
@@ -98,16 +94,16 @@ def motion(rng):
 
 def watch(rng):
     """What a robot was told, and that a cycle has passed since."""
-    given, pace = np.zeros(GIVEN), np.zeros(PACE)
-    given[NOW_TIME], pace[PERIOD], pace[LATE] = 5.0, 0.01, 0.0
+    given, timing = records(1, Given)[0], records(1, Timing)[0]
+    given.now, timing.period, timing.late = 5.0, 0.01, 0.0
     return record(
         commanded=rng.uniform(-0.5, 0.5, JOINTS),
         commanded_at=np.array([5.0 - DT]),
         sent_count=np.array([3]),
         given=given,
-        pace=pace,
+        timing=timing,
         stamps=np.array([5.0]),
-        last=np.zeros(LAST),
+        last=records(1, LastCycle)[0],
     )
 
 
@@ -649,7 +645,7 @@ def test_what_drives_miss_is_how_far_they_are_outside_what_is_under_way(
     for _ in range(10):
         a, m, told = answers(rng), motion(rng), watch(rng)
         middle, velocity = rng.uniform(-0.3, 0.3, (2, JOINTS))
-        told.given[HAS_VELOCITY] = measured
+        told.given.has_velocity = measured
         v = record(
             **told._asdict(),
             phase=np.array([phase]),

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.guard.watch import GIVEN, NOW_TIME
+from armguard.guard.watch import Given
 from armguard.guard.workspace import MOVING_COUNT
 from armguard.index.octree_state import ABSENT, RESIDENCY_WIDTH, STATUS
 from armguard.motion.figures import RobotFigures
@@ -47,8 +47,8 @@ def found(centre, velocity, half=0.05, present=True):
     boxes[3] = np.concatenate([np.array(centre) - half, np.array(centre) + half])
     residency = np.full((4, RESIDENCY_WIDTH), ABSENT + 1, dtype=np.int32)
     residency[3, STATUS] = ABSENT + 1 if present else ABSENT
-    settings, given = records(1, Behaviour), np.zeros(GIVEN)
-    settings[0].evade_time, given[NOW_TIME] = TIME, 5.0
+    settings, given = records(1, Behaviour), records(1, Given)[0]
+    settings[0].evade_time, given.now = TIME, 5.0
     counts = np.zeros(4, dtype=np.int32)
     counts[MOVING_COUNT] = 3
     e = record(

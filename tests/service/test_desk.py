@@ -12,26 +12,7 @@ from armguard.recording.ring import RingReader, RingWriter
 from armguard.respond import Action
 from armguard.respond.command import DRIVEN
 from armguard.respond.daqp_interface import FUNCTION
-from armguard.service.desk.desk import (
-    BEGAN_AT,
-    BEGAN_BY,
-    BEGAN_WITH,
-    CAUSE,
-    COMMANDER,
-    CYCLE,
-    ENDED,
-    FLAGS,
-    HAS_WISH,
-    NOW,
-    OUTCOMES,
-    SENDER,
-    SEQUENCE,
-    SIZE,
-    START,
-    TOKEN,
-    WATCHDOG,
-    WISH_OUTCOME,
-)
+from armguard.service.desk.desk import OUTCOMES
 from armguard.service.desk.taking import take_state, take_wish
 from armguard.service.server import ServiceSettings
 from armguard.service.server.judge import Judge
@@ -63,18 +44,19 @@ class Bench:
             np.frombuffer(self.out, np.float64),
         )
         self.desk = self.judge.desk
-        self.given = self.desk.given.view(np.uint64)
+        self.arrival = self.judge.arrival
 
     def take(self, payload, taker=take_state, sender=ME, sequence=1, now=0, token=0):
         """Hand a payload over; what came of it, and of the wish in it."""
         self.buffer[48 : 48 + len(payload)] = payload
-        self.given[[SIZE, NOW, SENDER, SEQUENCE, TOKEN, WATCHDOG]] = (
-            48 + len(payload) + 16, now, sender, sequence, token, 10**9
-        )  # fmt: skip
-        outcome = OUTCOMES[taker(self.judge.address)]
-        if outcome or taker is take_wish or not self.desk.given[HAS_WISH]:
+        arrival = self.arrival
+        arrival.length, arrival.now = 48 + len(payload) + 16, now
+        arrival.sender, arrival.sequence = sender, sequence
+        arrival.token, arrival.watchdog = token, 10**9
+        outcome = OUTCOMES[taker(self.judge.lines)]
+        if outcome or taker is take_wish or not arrival.has_wish:
             return outcome, None
-        return outcome, OUTCOMES[self.desk.given[WISH_OUTCOME]]
+        return outcome, OUTCOMES[arrival.wish_outcome]
 
 
 @pytest.fixture
@@ -188,7 +170,8 @@ def test_wishes_are_taken_over_or_dropped_by_name(bench):
     # Of two twists for one tool the later one counts.
     first, later = [0.0, *range(6)], [0.0, *range(6, 12)]
     assert take(wish_of([*first, *twist, *later], Form.TWISTS)) == ""
-    assert desk.twists[:2].tolist() == [later, twist]
+    rows = [[row.tool, *row.twist] for row in desk.twists[:2]]
+    assert rows == [later, twist]
 
 
 def wish_at(form, k, q):
@@ -208,7 +191,7 @@ def wish_at(form, k, q):
 @pytest.mark.parametrize("solver", ["compiled", "python"])
 def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
     guard = Guard(bay_scene("path"), self_test=False)
-    judge, given = bench.judge, bench.desk.given
+    judge, cycle = bench.judge, bench.judge.cycle
     if solver == "python":
         # As on a machine where kernels cannot call the solver.
         for one in (guard, judge.guard.guard):
@@ -230,8 +213,10 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
         payload = state(q, measured, stamp=now, wish=wish_of(values, form))
         assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
         cause = Cause.STOP_ORDERED if k == 250 else Cause.NONE
-        given[[CYCLE, START, ENDED, CAUSE, FLAGS]] = k, start, start + 5, cause, 2
-        given[[BEGAN_BY, BEGAN_WITH, BEGAN_AT, COMMANDER]] = ME, k + 1, start - 9, ME
+        cycle.number, cycle.start, cycle.ended = k, start, start + 5
+        cycle.cause, cycle.marks, cycle.began_at = cause, 2, start - 9
+        cycle.began_by = cycle.commander = ME
+        cycle.began_with = k + 1
         judge.ask(cause)
         if cause:
             command = guard.stop(q, now, velocity=measured, now=now)
@@ -324,18 +309,18 @@ def told(command, guard, k, start, form):
 
 
 def test_what_is_found_out_late_is_told_again(bench):
-    judge, given = bench.judge, bench.desk.given
+    judge, cycle = bench.judge, bench.judge.cycle
     q = judge.guard.guard.home
     for k in range(2):
         start = 10**12 + k * 10**6
         stamp, wish = start * 1e-9, wish_of(np.full(N, 0.01))
         payload = state(q, np.zeros(N), stamp=stamp, wish=wish)
         assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
-        given[[CYCLE, START, CAUSE, FLAGS]] = k, start, Cause.NONE, 0
+        cycle.number, cycle.start, cycle.cause, cycle.marks = k, start, Cause.NONE, 0
         judge.ask(Cause.NONE)
     velocities = slice(48 + 136 + 24 + 96, 48 + 136 + 24 + 96 + 8 * N)
     assert np.frombuffer(bench.out[velocities], np.float64).any()
-    given[[CAUSE, FLAGS]] = Cause.DEADLINE_MISSED, MISSED
+    cycle.cause, cycle.marks = Cause.DEADLINE_MISSED, MISSED
     judge.rewrite_answer()
     assert not np.frombuffer(bench.out[velocities], np.float64).any()
     summary = struct.unpack_from("<8HQ", bench.out, 48 + 136)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armguard.guard.layout import HEADER, ROBOT_CAUSE, ROBOT_WIDTH
+from armguard.guard.layout import HEADER, IN_ROBOT, ROBOT_WIDTH
 from armguard.guard.levels import Reason
 from armguard.recording.counters import CountersReader
 from armguard.recording.frames import Kind, frame_of
@@ -75,7 +75,7 @@ def moves(frame):
 
 def held_by(frame):
     """Why each robot that is held was stopped."""
-    causes = frame.verdict[HEADER + ROBOT_CAUSE :: ROBOT_WIDTH][: len(frame.stamps)]
+    causes = frame.verdict[HEADER + IN_ROBOT.cause :: ROBOT_WIDTH][: len(frame.stamps)]
     held = ~np.isnan(frame.told[-len(frame.stamps) :])
     return {Reason(int(cause)) for cause in causes[held]} if held.all() else set()
 

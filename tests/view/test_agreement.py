@@ -7,6 +7,7 @@ import pytest
 
 from armguard import Guard, bay_scene
 from armguard.guard import layout
+from armguard.guard.layout import IN_HEADER, IN_ROBOT
 from armguard.guard.levels import Level, Reason
 from armguard.recording.frames import Kind, frame_of
 from armguard.recording.recorded import RecordedGuard
@@ -42,17 +43,17 @@ def random_cycle(world, frame, rng):
     robots = len(world.names.robots)
     reasons, levels = list(Reason), list(Level)
     verdict, told = frame.verdict.copy(), frame.told.copy()
-    verdict[layout.REASON] = reasons[rng.integers(len(reasons))]
+    verdict[IN_HEADER.reason] = reasons[rng.integers(len(reasons))]
     # How late a cycle was, or where a joint is: some number.
-    verdict[layout.VALUE] = rng.uniform(0.01, 1.0)
-    verdict[layout.ROBOT] = rng.integers(robots)
+    verdict[IN_HEADER.value] = rng.uniform(0.01, 1.0)
+    verdict[IN_HEADER.robot] = rng.integers(robots)
     quiet = rng.random() < 0.3
     if quiet:
-        verdict[layout.REASON] = Reason.OK
+        verdict[IN_HEADER.reason] = Reason.OK
     for k in range(robots):
         level = Level.CLEAR if quiet else levels[rng.integers(len(levels))]
         row = layout.HEADER + k * layout.ROBOT_WIDTH
-        verdict[row + layout.ROBOT_LEVEL] = level
+        verdict[row + IN_ROBOT.level] = level
     if rng.random() < 0.3:
         # Since when each robot is held, and why: its last numbers of the command.
         is_held = rng.random(robots) < 0.5
@@ -128,9 +129,9 @@ def test_the_cases_that_newcomers_stumbled_over(filtered):
 def test_a_robot_that_is_still_stopping_says_why(filtered):
     world, frame = filtered
     verdict = frame.verdict.copy()
-    verdict[layout.REASON] = Reason.STOPPING
-    verdict[layout.HEADER + layout.ROBOT_LEVEL] = Level.STOP
-    verdict[layout.HEADER + layout.ROBOT_CAUSE] = Reason.TOO_CLOSE
+    verdict[IN_HEADER.reason] = Reason.STOPPING
+    verdict[layout.HEADER + IN_ROBOT.level] = Level.STOP
+    verdict[layout.HEADER + IN_ROBOT.cause] = Reason.TOO_CLOSE
     message = state_message(world.cycle(replace(frame, verdict=verdict)), 0.0)
     assert "still stopping" in message["why"]
     assert message["why"].endswith(f", because {Reason.TOO_CLOSE.sentence}")
@@ -139,12 +140,15 @@ def test_a_robot_that_is_still_stopping_says_why(filtered):
 def test_a_joint_outside_its_limits_is_named_with_the_way_back(filtered):
     world, frame = filtered
     verdict, told, robots = frame.verdict.copy(), frame.told.copy(), 2
-    verdict[layout.REASON], verdict[layout.JOINT] = Reason.OUT_OF_LIMITS, 3
-    verdict[layout.VALUE] = 2.11
+    verdict[IN_HEADER.reason], verdict[IN_HEADER.joint] = (
+        Reason.OUT_OF_LIMITS,
+        3,
+    )
+    verdict[IN_HEADER.value] = 2.11
     for k in range(robots):
         row = layout.HEADER + k * layout.ROBOT_WIDTH
-        verdict[row + layout.ROBOT_CAUSE] = Reason.OUT_OF_LIMITS
-        verdict[row + layout.ROBOT_LEVEL] = Level.STOP
+        verdict[row + IN_ROBOT.cause] = Reason.OUT_OF_LIMITS
+        verdict[row + IN_ROBOT.level] = Level.STOP
     told[-2 * robots : -robots] = 0.0
     told[-4 * robots : -3 * robots] = Blocked.STOPPED
     cycle = world.cycle(replace(frame, verdict=verdict, told=told))
@@ -164,7 +168,7 @@ def test_a_machine_is_busy_after_three_stops_by_lateness_and_not_for_ever(filter
     now = [0.0]
     lateness = Lateness(clock=lambda: now[0])
     late = frame.verdict.copy()
-    late[layout.REASON] = Reason.CYCLE_LATE
+    late[IN_HEADER.reason] = Reason.CYCLE_LATE
     for _ in range(BUSY_STOPS):
         assert not lateness.busy
         now[0] += 1.0

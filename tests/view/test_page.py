@@ -10,6 +10,7 @@ import numpy as np
 from tests.view.conftest import BRAKED, PATIENCE, VIEWPORT, shown
 
 from armguard.guard import layout
+from armguard.guard.layout import IN_ROBOT
 from armguard.guard.levels import Level
 from armguard.recording.frames import Kind, frame_of
 from armguard.recording.ring import RingReader
@@ -167,7 +168,7 @@ def test_a_near_miss_turns_the_light_and_stops_the_arm(station):
     station.picture("stopped")
     # It was the loop that stopped it, and the page had it from there.
     levels = [
-        (frame.verdict[layout.HEADER + layout.ROBOT_LEVEL], frame.told[:7].any())
+        (frame.verdict[layout.HEADER + IN_ROBOT.level], frame.told[:7].any())
         for frame in station.cycles()
     ]
     assert max(level for level, _ in levels) >= Level.STOP

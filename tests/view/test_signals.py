@@ -9,6 +9,7 @@ from tests.view.test_agreement import filtered  # noqa: F401  (a fixture)
 
 from armguard import bay_scene
 from armguard.guard import layout
+from armguard.guard.layout import IN_HEADER, IN_NEAR, IN_ROBOT
 from armguard.guard.levels import Level
 from armguard.scene.compile import compile_scene
 from armguard.scene.two_pandas import two_pandas_scene
@@ -52,17 +53,20 @@ def crowded(view, frame, count):
     All have their witness points at the origin.
     """
     pairs = np.zeros((count, layout.NEAR_WIDTH))
-    pairs[:, layout.SECOND] = 9.0
-    pairs[:, layout.HEADROOM] = np.arange(count, 0, -1) * 1e-3
+    pairs[:, IN_NEAR.second] = 9.0
+    pairs[:, IN_NEAR.headroom] = np.arange(count, 0, -1) * 1e-3
     first = frame.verdict[: view.world.names.first_row]
     verdict = np.concatenate([first, pairs.reshape(-1)])
-    verdict[layout.NEAR_COUNT], verdict[layout.NEAREST] = count, count - 1
+    verdict[IN_HEADER.near_count], verdict[IN_HEADER.nearest] = (
+        count,
+        count - 1,
+    )
     return replace(frame, verdict=verdict)
 
 
 def test_where_no_cycle_was_drawn_there_is_neither_line_nor_shade(filtered, view):  # noqa: F811
     frame, plot = crowded(view, filtered[1], 1), view.plot
-    frame.verdict[layout.HEADER + layout.ROBOT_LEVEL] = Level.SLOW
+    frame.verdict[layout.HEADER + IN_ROBOT.level] = Level.SLOW
     plot.fill(
         view.world.cycle(replace(frame, monotonic=100.0 + at))
         for at in (0.0, 0.5, 6.5, 7.0)
@@ -108,8 +112,8 @@ def test_the_plot_shades_levels_and_offers_every_joint(filtered):  # noqa: F811
         joints = view.world.tables.q_names
         assert set(plot._choice.options) >= {NEAREST, *joints}
         slow = frame.verdict.copy()
-        slow[layout.HEADER + layout.ROBOT_LEVEL] = Level.SLOW
-        slow[layout.NEAR_COUNT], slow[layout.NEAREST] = 0, -1
+        slow[layout.HEADER + IN_ROBOT.level] = Level.SLOW
+        slow[IN_HEADER.near_count], slow[IN_HEADER.nearest] = 0, -1
         for k, verdict in enumerate((frame.verdict, slow)):
             plot._due = -np.inf
             view.draw(replace(frame, verdict=verdict, monotonic=frame.monotonic + k))

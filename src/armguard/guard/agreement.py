@@ -17,20 +17,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.levels import Reason
 from armguard.guard.settling import hardest_stop, swing_speed
-from armguard.guard.watch import (
-    AHEAD_NEXT,
-    AHEAD_SUM,
-    BEHIND_NEXT,
-    BEHIND_SUM,
-    BRAKING,
-    EARLIER,
-    HAS_VELOCITY,
-    LATEST,
-    LOST,
-    PERIOD,
-    STOPPING,
-    Watch,
-)
+from armguard.guard.watch import BRAKING, LOST, STOPPING, Watch
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 
@@ -73,7 +60,7 @@ def interval_of(r: int, v: Watch, m: Motion) -> Interval:
         stamp=float(v.stamps[r]),
         time=float(v.stamps[r] - v.last_stamp[r]),
         known=bool(v.sample_count[r] > 0),
-        has_velocity=bool(v.given[HAS_VELOCITY] != 0.0),
+        has_velocity=bool(v.given.has_velocity != 0.0),
         stops=bool(phase == STOPPING or phase == BRAKING or phase == LOST),
         r=r,
     )
@@ -93,13 +80,13 @@ def contradiction(
         m: Motion.
     """
     sums, figures = v.agreement[j], m.joint_figures[j]
-    sums[AHEAD_NEXT] = sums[BEHIND_NEXT] = 0.0
-    before, speed = sums[LATEST], v.velocity[j]
+    sums.ahead_next = sums.behind_next = 0.0
+    before, speed = sums.latest, v.velocity[j]
     time, stops = interval.time, interval.stops
     known = interval.has_velocity and interval.known and before == before
     if not (known and time > 0.0):
         return OK
-    period, error = v.pace[PERIOD], figures.velocity_error
+    period, error = v.timing.period, figures.velocity_error
     swing = swing_speed(m.robot_figures[interval.r], figures) if stops else 0.0
     gain = 0.5 * figures.acceleration * (time + period)
     faster = max(speed - max(before, 0.0), min(before, 0.0) - speed)
@@ -108,14 +95,14 @@ def contradiction(
         return STATE_DISAGREES
     off = (error + swing + gain) * time
     way = position - v.sample_q[j, 0]
-    ahead = max(sums[AHEAD_SUM], 0.0) + way - max(before, speed) * time - off
-    behind = max(sums[BEHIND_SUM], 0.0) + min(before, speed) * time - way - off
+    ahead = max(sums.ahead, 0.0) + way - max(before, speed) * time - off
+    behind = max(sums.behind, 0.0) + min(before, speed) * time - way - off
     # In a stop, a velocity stamped half a period off differs from its position.
     limit = 0.25 * hardest_stop(figures) * period * period + GRAIN
     limit += 2.0 * (figures.position_error + figures.velocity * STAMP_GRAIN)
     if not max(ahead, behind) <= limit:
         return STATE_FROZEN if way == 0.0 else STATE_DISAGREES
-    sums[AHEAD_NEXT], sums[BEHIND_NEXT] = ahead, behind
+    sums.ahead_next, sums.behind_next = ahead, behind
     return OK
 
 
@@ -124,7 +111,7 @@ def fits_its_stamp(j: int, position: float, interval: Interval, v: Watch) -> boo
     """Whether a sample with a repeated stamp also repeats its values."""
     if not interval.known or interval.time != 0.0:
         return True
-    before = v.agreement[j, LATEST]
+    before = v.agreement[j].latest
     same = not interval.has_velocity or before != before or v.velocity[j] == before
     return bool(same and position == v.sample_q[j, 0])
 
@@ -133,6 +120,6 @@ def fits_its_stamp(j: int, position: float, interval: Interval, v: Watch) -> boo
 def keep_agreement(j: int, v: Watch) -> None:
     """Store the sums and the velocity of a joint whose sample was accepted."""
     sums = v.agreement[j]
-    sums[AHEAD_SUM], sums[BEHIND_SUM] = sums[AHEAD_NEXT], sums[BEHIND_NEXT]
-    sums[EARLIER] = sums[LATEST]
-    sums[LATEST] = v.velocity[j] if v.given[HAS_VELOCITY] != 0.0 else np.nan
+    sums.ahead, sums.behind = sums.ahead_next, sums.behind_next
+    sums.earlier = sums.latest
+    sums.latest = v.velocity[j] if v.given.has_velocity != 0.0 else np.nan

@@ -2,34 +2,28 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.budget import Budget
+from armguard.guard.layout import IN_HEADER, Header, NearRow, RobotRow
 from armguard.guard.levels import Level, Reason
 from armguard.guard.near_pair import NearPair
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
+from armguard.record import dtype_of
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
 
-def record(*fields: str) -> np.dtype[np.void]:
-    """Structured type of a row of named float64; `name:3` is a vector of three."""
-    parts = [field.split(":") for field in fields]
-    return np.dtype([(name, np.float64, *map(int, size)) for name, *size in parts])
+# Near pairs that an answer has room for. More at once are a reason to stop
+# (`Reason.CAPACITY`).
+NEAR_CAPACITY = 4096
 
-
-ROBOT_ROW = record(
-    *"level phase scale age cause urgency time force:3 torque:3 tool:3 delay".split()
-)
-# Index of each number in a robot's row.
-ROBOT_PLACES = {
-    name: offset // 8 for name, (_, offset, *_) in (ROBOT_ROW.fields or {}).items()
-}
+ROBOT_ROW, NEAR_ROW = dtype_of(RobotRow), dtype_of(NearRow)
 
 
 class NearNumbers(NamedTuple):
@@ -48,7 +42,6 @@ class NearNumbers(NamedTuple):
     distance: float
 
 
-NEAR_ROW = record(*NearNumbers._fields, "point_a:3", "point_b:3", "normal:3")
 POINTS = len(NearNumbers._fields)
 
 
@@ -74,6 +67,26 @@ def first_row_of(tables: SceneTables) -> int:
     if all(part.mode == "fixed" for part in tables.robots):
         return layout.HEADER
     return layout.HEADER + len(tables.robots) * layout.ROBOT_WIDTH + len(tables.q_names)
+
+
+def answer_of(tables: SceneTables) -> dict[str, Any]:
+    """An answer with room for its near pairs, and its parts in the same memory.
+
+    Returns:
+        The array `out` and its parts, by field of a `Workspace`.
+    """
+    first_row, header = first_row_of(tables), layout.HEADER
+    count = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
+    out = np.zeros(first_row + count * layout.NEAR_WIDTH)
+    robots = len(tables.robots) if first_row > header else 0
+    escape = header + robots * layout.ROBOT_WIDTH
+    return {
+        "out": out,
+        "header": out[:header].view(dtype_of(Header)).view(np.recarray).reshape(()),
+        "robots": out[header:escape].view(ROBOT_ROW).view(np.recarray),
+        "escape": out[escape:first_row],
+        "near": out[first_row:].view(NEAR_ROW).view(np.recarray),
+    }
 
 
 def names_of(tables: SceneTables, disproved: NDArray[np.int64] | None = None) -> Names:
@@ -166,12 +179,12 @@ class Answer:
     @property
     def near_count(self) -> int:
         """How many near pairs there are."""
-        return int(self.data[layout.NEAR_COUNT])
+        return int(self.data[IN_HEADER.near_count])
 
     @property
     def nearest(self) -> int:
         """Index of the near pair with the least headroom, -1 for none."""
-        return int(self.data[layout.NEAREST])
+        return int(self.data[IN_HEADER.nearest])
 
     def deciding(self, reason: Reason) -> int:
         """Index of the near pair that a reason is about, -1 for none.
@@ -187,7 +200,7 @@ class Answer:
         """Required separation of the nearest pair by cause; None if none is near."""
         if not self.names.robots or self.nearest < 0:
             return None
-        terms = self.data[layout.TERMS : layout.TERMS + layout.TERM_COUNT]
+        terms = self.data[IN_HEADER.terms : layout.HEADER]
         # A configuration that was judged at rest has none.
         return Budget(*terms.tolist()) if terms.any() else None
 
@@ -202,11 +215,15 @@ class Answer:
     @property
     def counts(self) -> Counts:
         """Work of the cycle."""
-        d = self.data[layout.PAIRS_TESTED : layout.PAIRS_APART + 1].astype(int).tolist()
+        d = (
+            self.data[IN_HEADER.pairs_tested : IN_HEADER.pairs_apart + 1]
+            .astype(int)
+            .tolist()
+        )
         return Counts(
             **dict(zip(COUNTED, d, strict=True)),
             pairs_skipped=self.names.tables.checkable_pairs - d[0],
-            spans_tested=int(self.data[layout.SPANS_TESTED]),
+            spans_tested=int(self.data[IN_HEADER.spans_tested]),
         )
 
     def pair(self, k: int) -> NearPair:
@@ -253,8 +270,8 @@ class Answer:
 def stop_answer(names: Names, reason: Reason) -> Floats:
     """The answer of a cycle that was not judged: all robots stop, no near pairs."""
     data = np.zeros(names.first_row)
-    data[layout.REASON] = reason
-    data[[layout.JOINT, layout.NEAREST, layout.ROBOT]] = -1.0
+    data[IN_HEADER.reason] = reason
+    data[[IN_HEADER.joint, IN_HEADER.nearest, IN_HEADER.robot]] = -1.0
     robots = Answer(data, names).robots
     robots["level"], robots["cause"] = Level.STOP, reason
     robots["age"] = robots["time"] = np.inf

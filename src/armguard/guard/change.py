@@ -13,24 +13,11 @@ time. A stop that settles later may swing at times at which the joint rested bef
 from math import inf
 
 from armguard.guard.demands import judge_motion
-from armguard.guard.layout import (
-    HEADROOM,
-    NEAR_COUNT,
-    NEAREST,
-    PROOF,
-    REASON,
-)
+from armguard.guard.layout import NearRow
 from armguard.guard.levels import Reason
-from armguard.guard.near_pairs import decide, row_place
+from armguard.guard.near_pairs import decide
 from armguard.guard.needs import object_speed
-from armguard.guard.watch import (
-    BACKWARDS,
-    COMMANDED,
-    RESTS,
-    SETTLES,
-    WAY,
-    Watch,
-)
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.joint_stop import rest_way, whole_way
@@ -58,16 +45,16 @@ TOO_MANY = -1
 @kernel
 def begin_notes(v: Watch, m: Motion) -> None:
     """Record the planned stops before the pairs are judged for them."""
-    v.judged_count[0] = TOO_MANY if v.given[COMMANDED] == 0.0 else 0
+    v.judged_count[0] = TOO_MANY if v.given.commanded == 0.0 else 0
     if v.judged_count[0] == TOO_MANY:
         return
     n = m.q.shape[0]
     for at in range(PLANS * n):
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
-            way = v.judged_ways[2 * at + side]
-            way[WAY], way[BACKWARDS] = whole_way(stop), stop.opposite_speed
-            way[SETTLES], way[RESTS] = stop.settled, rest_way(stop)
+            judged = v.judged_stops[2 * at + side]
+            judged.travel, judged.opposite_speed = whole_way(stop), stop.opposite_speed
+            judged.settled, judged.rest_travel = stop.settled, rest_way(stop)
     for at in range(v.judged_clock.shape[0]):
         for k in range(CLOCK):
             v.judged_clock[at, k] = m.clock[at, k]
@@ -75,7 +62,7 @@ def begin_notes(v: Watch, m: Motion) -> None:
 
 
 @kernel
-def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> None:
+def note_pair(i: int, j: int, row: int, near: NearRow, w: Workspace, v: Watch) -> None:
     """Record the headroom of a judged pair."""
     k = v.judged_count[0]
     if k == TOO_MANY:
@@ -84,9 +71,9 @@ def note_pair(i: int, j: int, row: int, place: int, w: Workspace, v: Watch) -> N
         v.judged_count[0] = TOO_MANY
         return
     m = w.motion
-    plain = w.out[place + PROOF] == PROVEN and m.effort[LOOKED] == 0
+    plain = near.proof == PROVEN and m.effort[LOOKED] == 0
     v.judged_pairs[k, 0], v.judged_pairs[k, 1], v.judged_pairs[k, 2] = i, j, row
-    v.judged_left[k] = w.out[place + HEADROOM] if plain else -inf
+    v.judged_left[k] = near.headroom if plain else -inf
     v.judged_count[0] = k + 1
 
 
@@ -107,7 +94,7 @@ def proves_change(w: Workspace) -> bool:
 @kernel
 def is_known(w: Workspace, v: Watch) -> bool:
     """Whether all judged pairs were recorded, and the answer is complete."""
-    reason = int(w.out[REASON])
+    reason = int(w.header.reason)
     commanded = reason != CAPACITY and reason != NO_DISTANCE
     return bool(commanded and v.judged_count[0] != TOO_MANY)
 
@@ -155,12 +142,12 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
         at = plan * n + j
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
-            way = v.judged_ways[2 * at + side]
-            if way[BACKWARDS] != stop.opposite_speed:
+            judged = v.judged_stops[2 * at + side]
+            if judged.opposite_speed != stop.opposite_speed:
                 # Its motion may now also continue in this direction.
                 return inf
-            later = stop.settled > way[SETTLES]
-            least = min(way[WAY], way[RESTS]) if later else way[WAY]
+            later = stop.settled > judged.settled
+            least = min(judged.travel, judged.rest_travel) if later else judged.travel
             growth = max(growth, whole_way(stop) - least)
     return float(growth)
 
@@ -175,7 +162,7 @@ def renew(w: Workspace) -> bool:
     v, m = w.watch, w.motion
     longer = max(m.span[SETTLED] - v.judged_settled[0], 0.0)
     moving = m.rate.shape[0]
-    w.out[REASON], w.out[NEAREST] = OK, -1.0
+    w.header.reason, w.header.nearest = OK, -1.0
     for k in range(v.judged_count[0]):
         i, j = int(v.judged_pairs[k, 0]), int(v.judged_pairs[k, 1])
         row = int(v.judged_pairs[k, 2])
@@ -183,11 +170,11 @@ def renew(w: Workspace) -> bool:
         left -= v.grown[j] if j < moving else object_speed(j, v) * longer
         if left >= 0.0:
             if row != NO_ROW:
-                place = row_place(row, w)
-                w.out[place + HEADROOM], w.out[place + PROOF] = left, PROVEN
+                near = w.near[row]
+                near.headroom, near.proof = left, PROVEN
         elif row == NO_ROW:
             return False
         else:
-            judge_motion(i, j, row_place(row, w), w)
-    decide(int(w.out[NEAR_COUNT]), w)
+            judge_motion(i, j, w.near[row], w)
+    decide(int(w.header.near_count), w)
     return True

@@ -38,9 +38,9 @@ LENGTH = 8
 LEFT_OUT: dict[str, frozenset[str]] = {
     "watch": frozenset(
         (
-            "pace static_error top_speed robot_of movers pairs pair_need look ahead "
+            "timing static_error top_speed robot_of movers pairs pair_need look ahead "
             "tight row tool_body tool_point judged_pairs judged_left judged_count "
-            "judged_ways judged_clock judged_settled grown object_stale"
+            "judged_stops judged_clock judged_settled grown object_stale"
         ).split()
     ),
     "grips": frozenset("swap fingers members velocity".split()),
@@ -120,12 +120,17 @@ def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
         arrays: The arrays that are saved.
         about: Further values that must be equal, ready for JSON.
     """
-    shapes = [
-        [IN_DIGEST.get(name, name), str(a.dtype), list(a.shape)]
-        for name, a in arrays.items()
-    ]
+    shapes = [[IN_DIGEST.get(name, name), *form_of(a)] for name, a in arrays.items()]
     text = json.dumps([shapes, *about])
     return blake2b(text.encode(), digest_size=DIGEST).digest()
+
+
+def form_of(array: NDArray[Any]) -> tuple[str, list[int]]:
+    """Type and shape of an array; equal numbers of a record count as columns."""
+    kinds = {str(kind) for kind, *_ in (array.dtype.fields or {}).values()}
+    if len(kinds) == 1:
+        return kinds.pop(), [*array.shape, len(array.dtype.names or ())]
+    return str(array.dtype), list(array.shape)
 
 
 def pack(layout: bytes, about: Mapping[str, Any], arrays: Arrays) -> bytes:

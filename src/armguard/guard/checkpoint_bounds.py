@@ -19,7 +19,7 @@ from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.guard import grips as at
 from armguard.guard.checkpoint import ADDRESSES, CheckpointError
 from armguard.guard.levels import Level, Reason
-from armguard.guard.watch import FORCED, GIVES_UP, HISTORY, RECOVERING
+from armguard.guard.watch import GIVES_UP, HISTORY, RECOVERING
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import DEPTH_LIMIT
 from armguard.scene.tables import SceneTables
@@ -49,12 +49,12 @@ class Whole:
     Attributes:
         least: Least value.
         most: Greatest value, or its name in `Greatest`.
-        columns: Columns that the rule applies to; all if None.
+        columns: Columns, or fields, that the rule applies to; all if None.
     """
 
     least: int
     most: int | str
-    columns: Sequence[int] | None = None
+    columns: Sequence[Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +62,10 @@ class Own:
     """Rule: equal to the guard's own numbers, given by the scene and the held objects.
 
     Attributes:
-        columns: Columns that the rule applies to; all if None.
+        columns: Columns, or fields, that the rule applies to; all if None.
     """
 
-    columns: Sequence[int] | None = None
+    columns: Sequence[Any] | None = None
 
 
 Rules = Mapping[str, Sequence[Whole | Own]]
@@ -82,7 +82,7 @@ BOUNDS: Rules = {
     "motion.joints": [Own()],
     "motion.length": [Own()],
     "motion.shared": [Own()],
-    "watch.last": [Whole(0, MOST_REASON, (FORCED,))],
+    "watch.last": [Whole(0, MOST_REASON, ("forced",))],
     "watch.sample_count": [Whole(0, HISTORY)],
     "watch.phase": [Whole(0, RECOVERING)],
     "watch.must": [FLAG],
@@ -158,18 +158,23 @@ def check_bounds(found: Arrays, own: Arrays, rules: Rules, greatest: Greatest) -
     """
     for name, array in found.items():
         for rule in rules.get(name, ()):
-            columns = slice(None) if rule.columns is None else list(rule.columns)
-            numbers = array[..., columns]
+            numbers = numbers_of(array, rule)
             if isinstance(rule, Own):
-                refuse_where(
-                    numbers != own[name][..., columns], name, numbers, "another number"
-                )
+                wrong = numbers != numbers_of(own[name], rule)
+                refuse_where(wrong, name, numbers, "another number")
                 continue
             most = rule.most if isinstance(rule.most, int) else greatest[rule.most]
             whole = (numbers >= rule.least) & (numbers <= most)
             whole &= numbers == np.floor(numbers)
             wanted = f"a whole number from {rule.least} to {np.max(most)}"
             refuse_where(~whole, name, numbers, wanted)
+
+
+def numbers_of(array: NDArray[Any], rule: Whole | Own) -> NDArray[Any]:
+    """The numbers of an array that a rule applies to, its columns or fields last."""
+    if array.dtype.names is not None:
+        return np.stack([array[str(name)] for name in rule.columns or ()], axis=-1)
+    return array if rule.columns is None else array[..., list(rule.columns)]
 
 
 def refuse_where(

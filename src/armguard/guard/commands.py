@@ -12,16 +12,13 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.observe import blame_joint, now_of
 from armguard.guard.stops import GRAIN, effect_time, unknown_age
 from armguard.guard.watch import (
-    COMMANDED,
     DELAY_SHARE,
     DELAY_STEPS,
-    LATE,
-    ORDERED_AT,
-    PERIOD,
     RECOVERING,
     RESTING,
     RUNNING,
@@ -90,7 +87,7 @@ def set_drives(v: Watch, m: Motion) -> None:
     n = m.q.shape[0]
     for j in range(n):
         top, error = m.joint_figures[j].velocity, m.joint_figures[j].tracking_error
-        if v.given[COMMANDED] == 0.0:
+        if v.given.commanded == 0.0:
             m.driven[NOW * n + j, 0] = m.driven[NOW * n + j, 1] = top
             m.driven[NEXT * n + j, 0] = m.driven[NEXT * n + j, 1] = top
             continue
@@ -139,7 +136,7 @@ def keep_under_way(r: int, share: float, v: Watch, m: Motion) -> None:
 
 
 @kernel
-def is_as_commanded(v: Watch, m: Motion, out: Floats) -> bool:
+def is_as_commanded(v: Watch, m: Motion, out: Header) -> bool:
     """Whether joints follow their commands; narrows their velocity bounds if they do.
 
     Args:
@@ -244,9 +241,9 @@ def expect_within(j: int, k: int, low: float, high: float, v: Watch, m: Motion) 
 @kernel
 def time_passed(v: Watch) -> float:
     """Time since the last commands, at most the longest permitted cycle [s]."""
-    longest = v.pace[PERIOD] + v.pace[LATE]
+    longest = v.timing.period + v.timing.late
     if v.sent_count[0] == 0:
-        return float(v.pace[PERIOD])
+        return float(v.timing.period)
     return float(min(moment(v) - v.commanded_at[0], longest))
 
 
@@ -258,9 +255,9 @@ def moment(v: Watch) -> float:
     an arm that decelerates to rest has to get there.
     """
     now, last = now_of(v), v.commanded_at[0]
-    if isfinite(v.last[ORDERED_AT]) and isfinite(now) and now > last:
+    if isfinite(v.last.ordered_at) and isfinite(now) and now > last:
         return float(now)
-    return last + v.pace[PERIOD] if isfinite(last) else 0.0
+    return last + v.timing.period if isfinite(last) else 0.0
 
 
 @kernel

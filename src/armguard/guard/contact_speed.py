@@ -8,12 +8,10 @@ from armguard.guard.grips import (
     CREEP,
     GAIN,
 )
-from armguard.guard.layout import WITNESS
+from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.needs import robot_of
-from armguard.guard.watch import COMMANDED, Watch
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
@@ -40,7 +38,7 @@ def closing_commanded(
     j: int,
     plan_i: int,
     plan_j: int,
-    place: int,
+    near: NearRow,
     w: Workspace,
     v: Watch,
     m: Motion,
@@ -50,9 +48,8 @@ def closing_commanded(
     Returns:
         Speed along the pair's normal [m/s]; time until a stop has taken effect [s].
     """
-    out, robots = w.out, m.robot_figures.shape[0]
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
+    robots = m.robot_figures.shape[0]
+    n = normal_of(near)
     moving = m.rate.shape[0]
     first = shared_joints(w.bodies[i], w.bodies[j], m)
     closing = time = 0.0
@@ -63,9 +60,7 @@ def closing_commanded(
         r = robot_of(k, v)
         if r >= 0:
             time = max(time, m.clock[plan * robots + r, REACTION])
-        point = (
-            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
-        )  # fmt: skip
+        point = point_of(near, side)
         body = w.bodies[k]
         for x in range(first, m.length[body]):
             b = m.joints[body, x]
@@ -91,7 +86,7 @@ def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
         v: Watch.
         m: Motion.
     """
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return float(g * 0.5 * (m.v_low[q] + m.v_high[q]))
     low, high = v.under_way[q, 0], v.under_way[q, 1]
     if plan == NEXT:

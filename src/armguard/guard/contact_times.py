@@ -7,18 +7,7 @@ lever bound, until the earliest contact of each robot is known.
 
 from math import inf, sqrt
 
-from armguard.guard.layout import (
-    FIRST,
-    HEADER,
-    NEAR_COUNT,
-    PROOF,
-    ROBOT_TIME,
-    ROBOT_WIDTH,
-    SECOND,
-    TIME_TO_CONTACT,
-    WITNESS,
-)
-from armguard.guard.near_pairs import row_place
+from armguard.guard.layout import NearRow, normal_of
 from armguard.guard.needs import closing_speed, object_speed, robot_of, static_need
 from armguard.guard.proofs import coarse, describe_pair
 from armguard.guard.watch import Watch
@@ -41,51 +30,49 @@ def write_contact_times(w: Workspace) -> None:
         w: The workspace, after its pairs were judged.
     """
     v, m = w.watch, w.motion
-    out = w.out
-    for k in range(int(out[NEAR_COUNT])):
-        place = row_place(k, w)
-        out[place + TIME_TO_CONTACT] = lever_time(place, w, v, m)
+    out = w.header
+    for k in range(int(out.near_count)):
+        near = w.near[k]
+        near.time_to_contact = lever_time(near, w, v, m)
     for r in range(v.phase.shape[0]):
-        out[HEADER + r * ROBOT_WIDTH + ROBOT_TIME] = inf
+        w.robots[r].time = inf
     for r in range(v.phase.shape[0]):
         while True:
             k = next_row(r, w, v)
             if k == NONE:
                 break
-            look_closer(row_place(k, w), w, v, m)
+            look_closer(w.near[k], w, v, m)
 
 
 @kernel
 def next_row(r: int, w: Workspace, v: Watch) -> int:
     """Near pair of a robot that may touch before its earliest known contact."""
-    out = w.out
-    first, soonest = NONE, out[HEADER + r * ROBOT_WIDTH + ROBOT_TIME]
-    for k in range(int(out[NEAR_COUNT])):
-        place = row_place(k, w)
-        if not out[place + TIME_TO_CONTACT] < soonest or out[place + PROOF] == ALLOWED:
+    out = w.header
+    first, soonest = NONE, w.robots[r].time
+    for k in range(int(out.near_count)):
+        near = w.near[k]
+        if not near.time_to_contact < soonest or near.proof == ALLOWED:
             # An intended contact needs no tighter bound than that of the levers.
             continue
-        i, j = int(out[place + FIRST]), int(out[place + SECOND])
+        i, j = int(near.first), int(near.second)
         if robot_of(i, v) == r or robot_of(j, v) == r:
-            first, soonest = k, out[place + TIME_TO_CONTACT]
+            first, soonest = k, near.time_to_contact
     return first
 
 
 @kernel
-def look_closer(place: int, w: Workspace, v: Watch, m: Motion) -> None:
+def look_closer(near: NearRow, w: Workspace, v: Watch, m: Motion) -> None:
     """Write the direction-based time to contact of a near pair and of its robots."""
-    out = w.out
-    time = contact_time(place, w, v, m)
-    out[place + TIME_TO_CONTACT] = time
+    time = contact_time(near, w, v, m)
+    near.time_to_contact = time
     for side in range(2):
-        r = robot_of(int(out[place + (FIRST if side == 0 else SECOND)]), v)
+        r = robot_of(int(near.first if side == 0 else near.second), v)
         if r >= 0:
-            own = HEADER + r * ROBOT_WIDTH + ROBOT_TIME
-            out[own] = min(out[own], time)
+            w.robots[r].time = min(w.robots[r].time, time)
 
 
 @kernel
-def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
+def contact_time(near: NearRow, w: Workspace, v: Watch, m: Motion) -> float:
     """Lower bound of the time from now until a pair can touch, by directions [s].
 
     The longer of the lever bound and of the last time of a grid up to which the bound
@@ -93,21 +80,19 @@ def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
     since the older of two measurements.
 
     Args:
-        place: Where the pair's row starts; the lever bound is written already.
+        near: The pair's row; the lever bound is written already.
         w: Workspace.
         v: Watch.
         m: Motion.
     """
-    out = w.out
-    i, j = int(out[place + FIRST]), int(out[place + SECOND])
+    i, j = int(near.first), int(near.second)
     unknown = unknown_way(i, j, w, v, m)
-    by_levers = out[place + TIME_TO_CONTACT]
-    if coarse(i, v, m) or coarse(j, v, m) or not out[place + WITNESS] > unknown:
+    by_levers = near.time_to_contact
+    if coarse(i, v, m) or coarse(j, v, m) or not near.distance > unknown:
         return float(by_levers)
     age = oldest_age(i, j, v, m)
     speed = object_speed(j, v) if j >= m.rate.shape[0] else 0.0
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
+    n = normal_of(near)
     p = new_pair()
     p.need = p.drift = 0.0
     describe_pair(i, j, FREE, FREE, w, m, p)
@@ -123,10 +108,10 @@ def contact_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
 
 
 @kernel
-def lever_time(place: int, w: Workspace, v: Watch, m: Motion) -> float:
+def lever_time(near: NearRow, w: Workspace, v: Watch, m: Motion) -> float:
     """Lower bound of the time to contact by levers alone, without directions [s]."""
-    i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
-    distance = w.out[place + WITNESS] - unknown_way(i, j, w, v, m) - m.blur[i]
+    i, j = int(near.first), int(near.second)
+    distance = near.distance - unknown_way(i, j, w, v, m) - m.blur[i]
     push = m.push[i]
     if robot_of(j, v) >= 0:
         distance, push = distance - m.blur[j], push + m.push[j]

@@ -11,7 +11,7 @@ from armguard.errors import GraspError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
 from armguard.guard import grips as at
 from armguard.guard.grippers import Grippers
-from armguard.guard.watch import LAST_NOW, Watch
+from armguard.guard.watch import Watch
 from armguard.scene.gripping import Grasp
 from armguard.scene.schema import MOST_CREEP, MOST_OVERLAP, in_other_units
 
@@ -148,7 +148,7 @@ class ContractTable:
         """
         self._check_bodies(a, b)
         check_contact(a, b, depth, speed)
-        now = float(self.watch.last[LAST_NOW])
+        now = float(self.watch.last.now)
         until = now + GRASP.expiry if until is None else until
         if not (np.isfinite(until) and until > now):
             raise GraspError(

@@ -19,16 +19,11 @@ from armguard.guard.grips import (
     Grips,
 )
 from armguard.guard.intent import read_intents
-from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.observe import now_of
-from armguard.guard.watch import COMMANDED, Watch
-from armguard.guard.workspace import (
-    CONTRACTS,
-    INTENTS,
-    Workspace,
-)
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import CONTRACTS, INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import SEGMENT
 
@@ -64,11 +59,11 @@ def judge_with_contracts(w: Workspace) -> None:
         h.contracts[k, NEAREST], h.contracts[k, RELIED] = inf, 0.0
     choose_models(w)
     judge_motions(w)
-    if w.out[REASON] == CAPACITY:
+    if w.header.reason == CAPACITY:
         # Not all pairs were judged: it is unknown which contracts are needed.
         return
     end_contracts(h, v)
-    if v.given[COMMANDED] == 0.0 and w.settings[INTENTS] != 0:
+    if v.given.commanded == 0.0 and w.settings[INTENTS] != 0:
         for q in range(h.velocity.shape[0]):
             h.velocity[q] = 0.5 * (m.v_low[q] + m.v_high[q])
         read_intents(h.velocity, w)

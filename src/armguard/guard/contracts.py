@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from armguard.address import stack
 from armguard.geometry.pairs import measure
+from armguard.geometry.vec3 import Vec3
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.contact_speed import COMMANDED_ANEW, closing_commanded, speed_at
 from armguard.guard.grips import (
@@ -46,15 +47,12 @@ from armguard.guard.grips import (
     WORLD,
     Grips,
 )
-from armguard.guard.layout import BUFFER, OUTER, WITNESS
+from armguard.guard.layout import NearRow, point_of
 from armguard.guard.needs import object_speed, robot_of, time_since
 from armguard.guard.proofs import prove_pair
 from armguard.guard.refine import exact_row, refine_pair
 from armguard.guard.watch import RECOVERING
-from armguard.guard.workspace import (
-    CONTRACTS,
-    Workspace,
-)
+from armguard.guard.workspace import CONTRACTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.pair_proof import path_gap, shared_joints
 from armguard.motion.pair_state import (
@@ -86,17 +84,17 @@ GRAIN = 1e-9
 
 @kernel
 def prove(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
+    i: int, j: int, plan_i: int, plan_j: int, near: NearRow, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps its buffer or contract; see `prove_with_contract`."""
     if w.settings[CONTRACTS] != 0:
-        return prove_with_contract(i, j, plan_i, plan_j, place, w)
-    return prove_pair(i, j, plan_i, plan_j, place, w)
+        return prove_with_contract(i, j, plan_i, plan_j, near, w)
+    return prove_pair(i, j, plan_i, plan_j, near, w)
 
 
 @kernel(separate=True)
 def prove_with_contract(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
+    i: int, j: int, plan_i: int, plan_j: int, near: NearRow, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps its buffer, or the depth and speed of its contract.
 
@@ -105,7 +103,7 @@ def prove_with_contract(
         j: Second primitive.
         plan_i: NEXT or NOW, the stop of the robot of the first.
         plan_j: NEXT or NOW, the stop of the robot of the second.
-        place: Where the pair's row of the answer starts.
+        near: The pair's row.
         w: The workspace.
 
     Returns:
@@ -116,15 +114,15 @@ def prove_with_contract(
     if h.may[w.groups[i], w.groups[j]] != 0 and m.span[SEGMENT] == 0.0:
         k = contract_of(i, j, h)
     if k < 0:
-        return prove_pair(i, j, plan_i, plan_j, place, w)
+        return prove_pair(i, j, plan_i, plan_j, near, w)
     c = h.contracts[k]
     if c[STATE] == DORMANT:
-        note_nearest(i, place, c, w.out)
-        return prove_pair(i, j, plan_i, plan_j, place, w)
-    kept, spare = keep_contract(i, j, plan_i, plan_j, place, k, w)
+        note_nearest(i, near, c)
+        return prove_pair(i, j, plan_i, plan_j, near, w)
+    kept, spare = keep_contract(i, j, plan_i, plan_j, near, k, w)
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     if kept and c[STATE] == IN_FORCE:
-        w.out[place + BUFFER] = -c[DEPTH]
+        near.buffer = -c[DEPTH]
         return (ALLOWED, spare)
     before_i, deficit_i = v.relieved[robot_i], v.deficit[robot_i]
     before_j, deficit_j = before_i, deficit_i
@@ -132,7 +130,7 @@ def prove_with_contract(
     if robot_j >= 0 and robot_j != robot_i:
         before_j, deficit_j = v.relieved[robot_j], v.deficit[robot_j]
         v.relieved[robot_j] = 0
-    proof, left = prove_pair(i, j, plan_i, plan_j, place, w)
+    proof, left = prove_pair(i, j, plan_i, plan_j, near, w)
     eased = v.relieved[robot_i] != 0 or (robot_j >= 0 and v.relieved[robot_j] != 0)
     needs = proof != PROVEN or eased
     if needs:
@@ -151,7 +149,7 @@ def prove_with_contract(
     if kept and c[STATE] == EXPIRED:
         return (PROVEN, spare)
     if kept:
-        w.out[place + BUFFER] = -c[DEPTH]
+        near.buffer = -c[DEPTH]
         return (ALLOWED, spare)
     kept = proof == PROVEN or proof == SPENT or proof == UNPROVEN
     return (proof if kept else EXCEEDED, left)
@@ -159,7 +157,7 @@ def prove_with_contract(
 
 @kernel
 def keep_contract(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, k: int, w: Workspace
+    i: int, j: int, plan_i: int, plan_j: int, near: NearRow, k: int, w: Workspace
 ) -> tuple[bool, float]:
     """Whether a pair keeps depth and speed of its contract on its stop paths.
 
@@ -168,7 +166,7 @@ def keep_contract(
         j: Second primitive.
         plan_i: NEXT or NOW, the stop of the robot of the first.
         plan_j: NEXT or NOW, the stop of the robot of the second.
-        place: Where the pair's row of the answer starts; its witness is refined.
+        near: The pair's row; its witness is refined.
         k: Row of the contract.
         w: The workspace.
 
@@ -180,24 +178,24 @@ def keep_contract(
     c = w.grips.contracts[k]
     # The contract has to be checked again whenever commands change.
     m.effort[LOOKED] = 1
-    refine_pair(i, j, place, w)
-    note_nearest(i, place, c, w.out)
+    refine_pair(i, j, near, w)
+    note_nearest(i, near, c)
     robot_j = robot_of(j, v)
     recovers = v.phase[robot_of(i, v)] == RECOVERING
     if robot_j >= 0:
         recovers |= v.phase[robot_j] == RECOVERING
-    if (c[STATE] == EXPIRED and not recovers) or not is_inside(place, c, w):
+    if (c[STATE] == EXPIRED and not recovers) or not is_inside(near, c, w):
         return (False, -inf)
-    spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, place, -c[DEPTH], w)
-    closing, time = closing_commanded(i, j, plan_i, plan_j, place, w, v, m)
-    known, _ = closing_commanded(i, j, NOW, NOW, place, w, v, m)
+    spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, near, -c[DEPTH], w)
+    closing, time = closing_commanded(i, j, plan_i, plan_j, near, w, v, m)
+    known, _ = closing_commanded(i, j, NOW, NOW, near, w, v, m)
     share = COMMANDED_ANEW if closing > known + GRAIN else 1.0
     # A moving object may have approached since it was seen, and may approach on.
     drift = object_speed(j, v)
     if drift > 0.0:
         spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
         closing += drift
-    distance = w.out[place + WITNESS] - max(closing, 0.0) * time
+    distance = near.distance - max(closing, 0.0) * time
     # An expired contract still lets a pair that is near separate.
     expired = c[STATE] == EXPIRED
     most = 0.0 if expired else share * speed_at(max(distance, 0.0), c)
@@ -233,34 +231,33 @@ def is_of(a: int, b: int, c: Floats) -> bool:
 
 
 @kernel
-def note_nearest(i: int, place: int, c: Floats, out: Floats) -> None:
+def note_nearest(i: int, near: NearRow, c: Floats) -> None:
     """Store distance, normal and witness point of a contract's nearest pair."""
-    at = place + WITNESS
-    if not out[at] < c[NEAREST]:
+    if not near.distance < c[NEAREST]:
         return
-    c[NEAREST] = out[at]
+    c[NEAREST] = near.distance
     forward = c[FIRST_A] <= i < c[END_A]
     for k in range(3):
-        c[NORMAL + k] = out[at + 7 + k] if forward else -out[at + 7 + k]
-        c[POINT + k] = out[at + 1 + k] if forward else out[at + 4 + k]
+        c[NORMAL + k] = near.normal[k] if forward else -near.normal[k]
+        c[POINT + k] = near.point_a[k] if forward else near.point_b[k]
 
 
 @kernel
-def is_inside(place: int, c: Floats, w: Workspace) -> bool:
+def is_inside(near: NearRow, c: Floats, w: Workspace) -> bool:
     """Whether a pair's two witness points lie in its contract's region."""
     if c[REGION] == NOWHERE:
         return True
-    for point in range(2):
-        x, y, z = in_frame(place + WITNESS + 1 + 3 * point, c, w)
+    for side in range(2):
+        x, y, z = in_frame(point_of(near, side), c, w)
         if not (abs(x) <= c[HALF] and abs(y) <= c[HALF + 1] and abs(z) <= c[HALF + 2]):
             return False
     return True
 
 
 @kernel
-def in_frame(at: int, c: Floats, w: Workspace) -> tuple[float, float, float]:
-    """A point of the answer, in the frame of a contract's region [m]."""
-    x, y, z = w.out[at], w.out[at + 1], w.out[at + 2]
+def in_frame(point: Vec3, c: Floats, w: Workspace) -> Vec3:
+    """A point of the world, in the frame of a contract's region [m]."""
+    x, y, z = point
     if c[REGION] != WORLD:
         x, y, z = back(x, y, z, w.T_world[int(c[REGION])])
     return back(x, y, z, c[T_REGION:GRIPPER])
@@ -279,7 +276,7 @@ def back(x: float, y: float, z: float, T: Floats) -> tuple[float, float, float]:
 
 @kernel(separate=True)
 def least_gap(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, need: float, w: Workspace
+    i: int, j: int, plan_i: int, plan_j: int, near: NearRow, need: float, w: Workspace
 ) -> float:
     """Lower bound of a pair's signed distance on the stop path, by exact shapes [m].
 
@@ -291,13 +288,13 @@ def least_gap(
         j: Second primitive.
         plan_i: NEXT or NOW, the stop of the robot of the first.
         plan_j: NEXT or NOW, the stop of the robot of the second.
-        place: Where the pair's row of the answer starts.
+        near: The pair's row.
         need: Distance to be kept; far beyond it a quick bound suffices [m].
         w: The workspace.
     """
     m = w.motion
     moving = m.rate.shape[0]
-    by_levers = w.out[place + OUTER] - m.reach[plan_i, i]
+    by_levers = near.outer - m.reach[plan_i, i]
     if j < moving:
         by_levers -= m.reach[plan_j, j]
     if by_levers >= need + PLENTY:

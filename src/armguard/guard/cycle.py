@@ -7,17 +7,7 @@ from numpy.typing import NDArray
 
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
-from armguard.guard.layout import (
-    BODIES_MOVED,
-    JOINT,
-    LINKS_CHECKED,
-    NEAR_COUNT,
-    NEAR_WIDTH,
-    NEAREST,
-    REASON,
-    ROBOT,
-    VALUE,
-)
+from armguard.guard.layout import NEAR_WIDTH, Header
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_limits
 from armguard.guard.memory import FORCE
@@ -59,14 +49,14 @@ def run_cycle(q: Floats, lines: Longs) -> int:
         Count of numbers of the workspace's `out` that were used.
     """
     w = open_workspace(lines)
-    out = w.out
+    out = w.header
     rows = clear_header(w)
     if not positions_are_finite(q, w.lower, out):
         return rows
     rebuild_world(q, w.settings[INDEX_KIND] != LISTED, w)
     judge_pairs(w)
     report_limits(q, w.lower, w.upper, out)
-    return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
+    return rows + int(out.near_count) * NEAR_WIDTH
 
 
 @kernel
@@ -79,7 +69,7 @@ def clear_header(w: Workspace) -> int:
     rows = w.settings[FIRST_ROW]
     for k in range(rows):
         w.out[k] = 0.0
-    w.out[JOINT] = w.out[NEAREST] = w.out[ROBOT] = -1.0
+    w.header.joint = w.header.nearest = w.header.robot = -1.0
     return int(rows)
 
 
@@ -104,7 +94,7 @@ def rebuild_world(q: Vector, indexed: int, w: Workspace) -> None:
 def place_moved(w: Workspace) -> None:
     """Place the primitives of every body whose pose changed in any bit."""
     force = w.memory[FORCE] != 0
-    w.out[BODIES_MOVED] = mark_moved_bodies(w.T_next, w.T_world, w.body_moved, force)
+    w.header.bodies_moved = mark_moved_bodies(w.T_next, w.T_world, w.body_moved, force)
     kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
     links = 0
     last_body = -1
@@ -117,20 +107,20 @@ def place_moved(w: Workspace) -> None:
             if body != last_body:
                 links += 1
                 last_body = body
-    w.out[LINKS_CHECKED] = links
+    w.header.links_checked = links
 
 
 @kernel
-def positions_are_finite(q: Floats, lower: Floats, out: Floats) -> bool:
+def positions_are_finite(q: Floats, lower: Floats, out: Header) -> bool:
     """Whether q has the right length and is finite; else the reason is written."""
     if q.shape[0] != lower.shape[0]:
-        out[REASON] = WRONG_INPUT
+        out.reason = WRONG_INPUT
         return False
     for k in range(q.shape[0]):
         if not isfinite(q[k]):
-            out[REASON] = NOT_FINITE
-            out[JOINT] = k
-            out[VALUE] = q[k]
+            out.reason = NOT_FINITE
+            out.joint = k
+            out.value = q[k]
             return False
     return True
 

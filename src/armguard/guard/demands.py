@@ -8,7 +8,7 @@ it suffices that one of two robots stops now, the other may go on.
 from math import inf
 
 from armguard.guard.contracts import prove
-from armguard.guard.layout import BUFFER, ENVELOPE, HEADROOM, PROOF, TIME_LEFT, WITNESS
+from armguard.guard.layout import NearRow
 from armguard.guard.levels import Reason
 from armguard.guard.needs import closing_speed, rate_along_normal, robot_of
 from armguard.guard.proofs import OF_WITNESS, coarse
@@ -36,24 +36,23 @@ OWN_SHARE = 0.25
 
 
 @kernel(separate=True)
-def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
+def judge_motion(i: int, j: int, near: NearRow, w: Workspace) -> None:
     """Write headroom and time left of a measured pair; demand stops without a proof.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        place: Where the pair's row starts; its witness is written already.
+        near: The pair's row; its witness is written already.
         w: The workspace; robots that must stop are marked.
     """
     v, m = w.watch, w.motion
-    out = w.out
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     m.effort[LOOKED] = 0
-    out[place + ENVELOPE] = OF_WITNESS
-    proof, spare = prove(i, j, NEXT, NEXT, place, w)
-    judged = out[place + ENVELOPE]
-    out[place + HEADROOM] = spare
-    out[place + PROOF] = proof
+    near.envelope = OF_WITNESS
+    proof, spare = prove(i, j, NEXT, NEXT, near, w)
+    judged = near.envelope
+    near.headroom = spare
+    near.proof = proof
     if proof == ALLOWED:
         return
     closing = closing_speed(i, j, w, v, m)
@@ -61,9 +60,9 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
     if spare > 0.0:
         speed = closing
         if not (coarse(i, v, m) or coarse(j, v, m)):
-            speed = min(closing, rate_along_normal(i, j, place, w, v, m))
+            speed = min(closing, rate_along_normal(i, j, near, w, v, m))
         left = spare / speed if speed > 0.0 else inf
-    out[place + TIME_LEFT] = left
+    near.time_left = left
     # The time is short only for an approaching robot, not for a parked one.
     for side in range(2):
         k, r = (i, robot_i) if side == 0 else (j, robot_j)
@@ -71,23 +70,22 @@ def judge_motion(i: int, j: int, place: int, w: Workspace) -> None:
             if robot_j < 0 or robot_i == robot_j or m.rate[k] >= OWN_SHARE * closing:
                 v.time_left[r] = left
     if proof != PROVEN and proof != UNPROVEN:
-        demand_stops(i, j, place, proof, w)
-        out[place + ENVELOPE] = judged
+        demand_stops(i, j, near, proof, w)
+        near.envelope = judged
 
 
 @kernel
-def demand_stops(i: int, j: int, place: int, proof: int, w: Workspace) -> None:
+def demand_stops(i: int, j: int, near: NearRow, proof: int, w: Workspace) -> None:
     """Demand a stop of the robots by which a pair without a proof can have one again.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        place: Where the pair's row starts; its envelope may be overwritten.
+        near: The pair's row; its envelope may be overwritten.
         proof: How its proof ended.
         w: The workspace; robots that must stop are marked.
     """
     v, m = w.watch, w.motion
-    out = w.out
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     cause = TOO_CLOSE if proof == NEEDED else NO_PROOF
     if proof == SPENT:
@@ -101,7 +99,7 @@ def demand_stops(i: int, j: int, place: int, proof: int, w: Workspace) -> None:
     fixed_j = m.robot_figures[robot_j].mode == FIXED
     if fixed_i or fixed_j:
         # A fixed robot stops when its buffer is broken; the other needs a proof.
-        broken = not out[place + WITNESS] >= out[place + BUFFER]
+        broken = not near.distance >= near.buffer
         if broken or not fixed_i:
             demand_stop(robot_i, cause, v)
         if broken or not fixed_j:
@@ -115,7 +113,7 @@ def demand_stops(i: int, j: int, place: int, proof: int, w: Workspace) -> None:
         stopped = one if attempt == 0 else other
         plan_i = NOW if stopped == robot_i else NEXT
         plan_j = NOW if stopped == robot_j else NEXT
-        found = prove(i, j, plan_i, plan_j, place, w)
+        found = prove(i, j, plan_i, plan_j, near, w)
         if found[0] == PROVEN or found[0] == ALLOWED:
             demand_stop(stopped, cause, v)
             return

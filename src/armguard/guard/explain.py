@@ -4,21 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, dot, scaled
-from armguard.guard.layout import (
-    BUFFER,
-    ENVELOPE,
-    EXACT,
-    FIRST,
-    HEADROOM,
-    NEAR_COUNT,
-    NEAREST,
-    OUTER,
-    SECOND,
-    TERM_NAMES,
-    TERMS,
-    WITNESS,
-)
-from armguard.guard.near_pairs import row_place
+from armguard.guard.layout import TERM_NAMES, normal_of, point_of
 from armguard.guard.needs import object_speed, robot_of, static_need
 from armguard.guard.proofs import OF_EXACT, OF_PRIMITIVES
 from armguard.guard.refine import refine_pair
@@ -60,17 +46,17 @@ def write_envelopes(w: Workspace) -> None:
     Args:
         w: The workspace.
     """
-    out = w.out
-    for k in range(int(out[NEAR_COUNT])):
-        place = row_place(k, w)
-        judged = out[place + ENVELOPE]
+    out = w.header
+    for k in range(int(out.near_count)):
+        near = w.near[k]
+        judged = near.envelope
         if judged == OF_PRIMITIVES:
-            out[place + ENVELOPE] = out[place + WITNESS] - out[place + OUTER]
+            near.envelope = near.distance - near.outer
         elif judged == OF_EXACT:
-            if out[place + EXACT] == np.inf:
-                i, j = int(out[place + FIRST]), int(out[place + SECOND])
-                refine_pair(i, j, place, w)
-            out[place + ENVELOPE] = out[place + WITNESS] - out[place + EXACT]
+            if near.exact == np.inf:
+                i, j = int(near.first), int(near.second)
+                refine_pair(i, j, near, w)
+            near.envelope = near.distance - near.exact
 
 
 @kernel
@@ -81,16 +67,16 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
     A separate term is what the curvature of the path adds to that, or the common time
     of both stops saves; another one is the envelope.
     """
-    out = w.out
-    if out[NEAREST] < 0.0:
+    out = w.header
+    if out.nearest < 0.0:
         return
-    place = row_place(int(out[NEAREST]), w)
-    i, j = int(out[place + FIRST]), int(out[place + SECOND])
-    terms = out[TERMS : TERMS + TERM_NEEDED + 1]
+    near = w.near[int(out.nearest)]
+    i, j = int(near.first), int(near.second)
+    terms = out.terms
     for k in range(terms.shape[0]):
         terms[k] = 0.0
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    terms[TERM_FLOOR] = out[place + BUFFER]
+    terms[TERM_FLOOR] = near.buffer
     known = terms[TERM_FLOOR]
     for k in range(v.static_error.shape[0]):
         if robot_i != robot_j or not BETWEEN_ROBOTS[k]:
@@ -100,17 +86,16 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
             known += error
     seen = static_need(i, j, w, v, m) - known
     terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[SETTLED]
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
+    n = normal_of(near)
     body_i, body_j = w.bodies[i], w.bodies[j]
     first = shared_joints(body_i, body_j, m)
-    point = (out[at + 1], out[at + 2], out[at + 3])
+    point = point_of(near, 0)
     add_side(body_i, first, point, n, TERM_REACTION_A, TERM_STOPPING_A, terms, m)
-    point = (out[at + 4], out[at + 5], out[at + 6])
+    point = point_of(near, 1)
     n = scaled(-1.0, n)
     add_side(body_j, first, point, n, TERM_REACTION_B, TERM_STOPPING_B, terms, m)
-    terms[TERM_ENVELOPE] = out[place + ENVELOPE]
-    terms[TERM_NEEDED] = out[place + WITNESS] - out[place + HEADROOM]
+    terms[TERM_ENVELOPE] = near.envelope
+    terms[TERM_NEEDED] = near.distance - near.headroom
     total = 0.0
     for k in range(TERM_PATH):
         total += terms[k]

@@ -18,7 +18,6 @@ from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cycle import clear_header
 from armguard.guard.demands import demand_stop
 from armguard.guard.guarded_cycle import conclude, judge_input, refuse
-from armguard.guard.layout import REASON
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.observe import now_of
@@ -26,7 +25,6 @@ from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     AT_REST,
     AT_WORK,
-    COMMANDED,
     GIVES_UP,
     LEAVES,
     RECOVERING,
@@ -65,14 +63,14 @@ def open_cycle(q: Vector, w: Workspace) -> int:
         1 if the input could be judged, else 0.
     """
     v, m = w.watch, w.motion
-    v.given[COMMANDED] = 1.0
+    v.given.commanded = 1.0
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = v.commanded[j]
     clear_header(w)
     if not judge_input(q, w):
         return 0
     report_measured_limits(q, w, v, m)
-    if w.out[REASON] == OUT_OF_LIMITS:
+    if w.header.reason == OUT_OF_LIMITS:
         refuse(w)
         return 0
     return 1

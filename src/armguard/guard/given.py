@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.errors import known_names
 from armguard.geometry.pose import LOOKS_LIKE_DEGREES
-from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch
+from armguard.guard.watch import Watch
+from armguard.record import attributes
 from armguard.robot.kinematics import REVOLUTE
 from armguard.robot.limits import FAR_BEYOND_LIMITS
 from armguard.scene.tables import RobotPart, SceneTables
@@ -224,7 +225,7 @@ class CycleInput:
         self.robots = {part.name: r for r, part in enumerate(robots)}
         self._parts = robots
         self.last_stamp = -np.inf
-        self._given, self._stamps = watch.given, watch.stamps
+        self._given, self._stamps = attributes(watch.given), watch.stamps
         self._velocity = watch.velocity
 
     def take(
@@ -240,7 +241,7 @@ class CycleInput:
         stops.
         """
         if type(stamp) is float and type(now) is float and now == now:
-            self._given[NOW_TIME] = now
+            self._given.now = now
             self._stamps.fill(stamp)
         elif fault := self._take_times(stamp, now):
             return NO_POSITIONS, fault
@@ -286,11 +287,11 @@ class CycleInput:
         given, stamps = self._given, self._stamps
         try:
             if now is None:
-                given[NOW_TIME] = np.nan
+                given.now = np.nan
             else:
                 time = now if type(now) is float else real_number(now)
                 # NaN would read as no time given; infinity is refused.
-                given[NOW_TIME] = time if time == time else np.inf
+                given.now = time if time == time else np.inf
             if type(stamp) is float:
                 stamps.fill(stamp)
             elif stamp is None:
@@ -310,7 +311,7 @@ class CycleInput:
         except Exception:  # an unknown object may raise any; the loop continues
             # No time of the last cycle may count as a time of this one.
             stamps.fill(np.nan)
-            given[NOW_TIME] = np.nan
+            given.now = np.nan
             return (
                 f"stamp is {described(stamp)} and now is {described(now)}; they must "
                 "be numbers [s]"
@@ -319,7 +320,7 @@ class CycleInput:
 
     def _take_velocity(self, velocity: JointVector | None) -> str:
         """Write velocities for the kernel; returns their fault, or ""."""
-        self._given[HAS_VELOCITY] = 0.0
+        self._given.has_velocity = 0
         if velocity is None:
             return ""
         if not (
@@ -331,7 +332,7 @@ class CycleInput:
             if fault:
                 return fault
         self._velocity[:] = velocity
-        self._given[HAS_VELOCITY] = 1.0
+        self._given.has_velocity = 1
         return ""
 
     def _convert(self, what: str, values: JointVector) -> tuple[Floats, str]:

@@ -6,32 +6,14 @@ again: levels do not flicker.
 
 from math import inf
 
-from armguard.guard.layout import (
-    HEADER,
-    LEAST_TIME_LEFT,
-    NEAR_COUNT,
-    PROOF,
-    REASON,
-    ROBOT,
-    ROBOT_AGE,
-    ROBOT_CAUSE,
-    ROBOT_DELAY,
-    ROBOT_LEVEL,
-    ROBOT_PHASE,
-    ROBOT_SCALE,
-    ROBOT_WIDTH,
-)
 from armguard.guard.levels import Level, Reason
-from armguard.guard.near_pairs import row_place
 from armguard.guard.needs import LOOK_AHEAD
 from armguard.guard.watch import (
     BRAKING,
-    FORCED,
     HYSTERESIS,
     LOST,
     RECOVERING,
     RESTING,
-    SLOW_TIME,
     STOPPING,
     Watch,
 )
@@ -66,30 +48,30 @@ BRAKE_LAGS = int(Reason.BRAKE_LAGS)
 @kernel
 def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
     """Write each robot's level, phase and speed scale, and the common reason."""
-    out = w.out
-    slow_time = v.pace[SLOW_TIME]
+    out = w.header
+    slow_time = v.timing.slow_time
     least = inf
     worst = CLEAR
     which = -1
     for r in range(v.phase.shape[0]):
-        place = HEADER + r * ROBOT_WIDTH
+        row = w.robots[r]
         level = robot_level(r, w, v, m)
         left = v.time_left[r] if m.robot_figures[r].mode != FIXED else inf
         least = min(least, left)
         scale = 0.0 if level >= STOP else min(left / slow_time, 1.0)
         v.level[r] = level
-        out[place + ROBOT_LEVEL] = level
-        out[place + ROBOT_PHASE] = v.phase[r]
-        out[place + ROBOT_SCALE] = scale
-        out[place + ROBOT_AGE] = m.clock[r, AGE]
-        out[place + ROBOT_CAUSE] = v.cause[r]
-        out[place + ROBOT_DELAY] = v.delays[r]
+        row.level = level
+        row.phase = v.phase[r]
+        row.scale = scale
+        row.age = m.clock[r, AGE]
+        row.cause = v.cause[r]
+        row.delay = v.delays[r]
         if level > worst:
             worst, which = level, r
-    out[LEAST_TIME_LEFT] = min(least, LOOK_AHEAD * slow_time)
-    out[REASON] = common_reason(worst, w, v)
-    if worst >= STOP and out[ROBOT] < 0.0:
-        out[ROBOT] = which
+    out.least_time_left = min(least, LOOK_AHEAD * slow_time)
+    out.reason = common_reason(worst, w, v)
+    if worst >= STOP and out.robot < 0.0:
+        out.robot = which
 
 
 @kernel
@@ -106,12 +88,12 @@ def robot_level(r: int, w: Workspace, v: Watch, m: Motion) -> int:
         return HARDWARE_STOP
     if phase == RESTING or phase == RECOVERING:
         return RECOVER
-    limit = v.pace[SLOW_TIME]
+    limit = v.timing.slow_time
     if v.level[r] == SLOW:
         limit *= HYSTERESIS
     if v.time_left[r] < limit:
         return SLOW
-    return CAUTION if w.out[NEAR_COUNT] > 0.0 else CLEAR
+    return CAUTION if w.header.near_count > 0.0 else CLEAR
 
 
 @kernel
@@ -119,14 +101,14 @@ def fixed_level(r: int, w: Workspace, v: Watch) -> int:
     """Level of a robot in mode "fixed": STOP if a pair of its own breaks its buffer."""
     if v.must[r] != 0:
         return STOP
-    return CAUTION if w.out[NEAR_COUNT] > 0.0 else CLEAR
+    return CAUTION if w.header.near_count > 0.0 else CLEAR
 
 
 @kernel
 def common_reason(worst: int, w: Workspace, v: Watch) -> int:
     """Reason of the highest level."""
-    found = int(w.out[REASON])
-    forced = int(v.last[FORCED])
+    found = int(w.header.reason)
+    forced = int(v.last.forced)
     if worst == HARDWARE_STOP:
         return BRAKE_LAGS
     if worst == BRAKE:
@@ -154,7 +136,7 @@ def common_reason(worst: int, w: Workspace, v: Watch) -> int:
 @kernel
 def is_unproven(w: Workspace) -> bool:
     """Whether there is an unproven near pair."""
-    for k in range(int(w.out[NEAR_COUNT])):
-        if w.out[row_place(k, w) + PROOF] == UNPROVEN:
+    for k in range(int(w.header.near_count)):
+        if w.near[k].proof == UNPROVEN:
             return True
     return False

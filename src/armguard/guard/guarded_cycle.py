@@ -19,7 +19,7 @@ from armguard.guard.cycle import (
 from armguard.guard.explain import explain_nearest, write_envelopes
 from armguard.guard.grade import grade_robots
 from armguard.guard.hanging import no_sensor_is_stuck
-from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, REASON, ROBOT, SPANS_TESTED
+from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.memory import FORCE
@@ -31,11 +31,8 @@ from armguard.guard.stops import (
     stop_everything,
     supervise_stops,
 )
-from armguard.guard.watch import COMMANDED, FORCED, JUDGED, Watch
-from armguard.guard.workspace import (
-    Workspace,
-    open_workspace,
-)
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, NOW, TESTS, Motion
 from armguard.motion.stop_path import (
@@ -66,17 +63,17 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
         Count of numbers of the workspace's `out` that were used.
     """
     w = open_workspace(lines)
-    out = w.out
+    out = w.header
     v, m = w.watch, w.motion
-    v.given[COMMANDED] = 0.0
+    v.given.commanded = 0.0
     rows = clear_header(w)
     if not judge_input(q, w):
         return rows
     conclude(w)
     report_measured_limits(q, w, v, m)
-    if out[REASON] == OUT_OF_LIMITS:
+    if out.reason == OUT_OF_LIMITS:
         refuse(w)
-    return rows + int(out[NEAR_COUNT]) * NEAR_WIDTH
+    return rows + int(out.near_count) * NEAR_WIDTH
 
 
 @kernel
@@ -87,7 +84,7 @@ def judge_input(q: Floats, w: Workspace) -> bool:
         Whether the input could be judged; if not, every robot is stopped.
     """
     take_input(q, w)
-    return bool(w.watch.given[JUDGED] != 0.0)
+    return bool(w.watch.given.judged != 0.0)
 
 
 @kernel(separate=True)
@@ -98,25 +95,25 @@ def take_input(q: Vector, w: Workspace) -> None:
         q: Joint positions, shape (n,) if the input is valid [rad or m].
         w: The workspace; whether the input could be judged is written to its watch.
     """
-    out = w.out
+    out = w.header
     v, m = w.watch, w.motion
-    v.given[JUDGED] = 0.0
+    v.given.judged = 0.0
     # The clock first: the stop for any other fault is ordered by it.
     right = clocks_are_right(out, v, m)
     if not positions_are_finite(q, w.lower, out):
-        out[ROBOT], right = -1.0, False
+        out.robot, right = -1.0, False
     if not right:
         refuse(w)
         return
     if not observe(q, out, v, m):
         refuse(w)
         return
-    if v.given[COMMANDED] != 0.0 and not (
+    if v.given.commanded != 0.0 and not (
         is_as_commanded(v, m, out) and no_sensor_is_stuck(q, v, m, out)
     ):
         refuse(w)
         return
-    v.given[JUDGED] = 1.0
+    v.given.judged = 1.0
     begin(v, m)
     # Every pair is measured: one that does not move may need another distance now.
     w.memory[FORCE] = 1
@@ -154,10 +151,10 @@ def forget_demands(v: Watch, m: Motion) -> None:
 def conclude(w: Workspace) -> None:
     """Order stops, grade the robots, explain the nearest pair, write times and cues."""
     v, m = w.watch, w.motion
-    if w.out[REASON] == CAPACITY or w.out[REASON] == NO_DISTANCE:
-        v.last[FORCED] = w.out[REASON]
+    if w.header.reason == CAPACITY or w.header.reason == NO_DISTANCE:
+        v.last.forced = w.header.reason
     order_stops(v, m)
-    w.out[SPANS_TESTED] = m.effort[TESTS]
+    w.header.spans_tested = m.effort[TESTS]
     grade_robots(w, v, m)
     write_envelopes(w)
     explain_nearest(w, v, m)
@@ -169,8 +166,8 @@ def conclude(w: Workspace) -> None:
 def refuse(w: Workspace) -> None:
     """Stop all robots for an implausible input, and write its reason."""
     v, m = w.watch, w.motion
-    reason, robot = w.out[REASON], w.out[ROBOT]
+    reason, robot = w.header.reason, w.header.robot
     stop_everything(int(reason), v, m)
     grade_robots(w, v, m)
     write_envelopes(w)
-    w.out[REASON], w.out[ROBOT] = reason, robot
+    w.header.reason, w.header.robot = reason, robot

@@ -11,16 +11,10 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
 from armguard.guard.observe import blame_joint
-from armguard.guard.watch import (
-    COMMANDED_FOR,
-    COMMANDED_WAY,
-    RECOVERING,
-    RUNNING,
-    STUCK_AT,
-    Watch,
-)
+from armguard.guard.watch import RECOVERING, RUNNING, Watch
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED
 from armguard.motion.state import Motion
@@ -34,7 +28,7 @@ HANGS_AFTER = 0.08
 
 
 @kernel
-def no_sensor_is_stuck(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+def no_sensor_is_stuck(q: Floats, v: Watch, m: Motion, out: Header) -> bool:
     """Whether no joint repeats its position although its commands should have moved it.
 
     A joint counts as stuck if every pending command moves it farther than its tracking
@@ -52,19 +46,19 @@ def no_sensor_is_stuck(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
         state, time = v.stuck[j], v.stamps[r] - v.looked_at[r]
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
         watched = driven and m.robot_figures[r].mode != FIXED and v.may_stand[j] == 0
-        if not watched or q[j] != state[STUCK_AT] or not isfinite(time):
-            state[STUCK_AT], state[COMMANDED_FOR], state[COMMANDED_WAY] = q[j], 0.0, 0.0
+        if not watched or q[j] != state.position or not isfinite(time):
+            state.position, state.time, state.travel = q[j], 0.0, 0.0
             continue
         figures = m.joint_figures[j]
         speed = max(v.under_way[j, 0], -v.under_way[j, 1]) - figures.tracking_error
         if time > 0.0 and speed > 0.0:
-            state[COMMANDED_FOR] += time
-            state[COMMANDED_WAY] += speed * time
-        far = state[COMMANDED_WAY] > 2.0 * figures.position_error
-        if far and state[COMMANDED_FOR] > HANGS_AFTER:
+            state.time += time
+            state.travel += speed * time
+        far = state.travel > 2.0 * figures.position_error
+        if far and state.time > HANGS_AFTER:
             hanging = j
     for r in range(v.looked_at.shape[0]):
         v.looked_at[r] = v.stamps[r]
     return hanging < 0 or blame_joint(
-        STATE_FROZEN, hanging, v.stuck[hanging, COMMANDED_WAY], out
+        STATE_FROZEN, hanging, v.stuck[hanging].travel, out
     )

@@ -20,7 +20,7 @@ from armguard.guard.body_distance import body_distance
 from armguard.guard.contract import ROOM, Contract, ContractTable, gain_of
 from armguard.guard.grippers import Grippers
 from armguard.guard.riding import as_held, carry, set_down, speed_of
-from armguard.guard.watch import LAST_NOW, Watch
+from armguard.guard.watch import Watch
 from armguard.motion.state import Motion
 from armguard.scene.hold_tables import Graspable, GripperPart
 from armguard.scene.tables import SceneTables
@@ -115,7 +115,7 @@ class Holding:
                 f"'{name}' is held by '{holders[0]}' and '{holders[1]}'; release it "
                 "from one of them first"
             )
-        if self.watch.last[LAST_NOW] == -inf:
+        if self.watch.last.now == -inf:
             raise GraspError(
                 f"'{robot}' cannot grasp '{name}' before the first cycle: its "
                 "place is not known yet"

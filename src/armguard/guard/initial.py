@@ -7,28 +7,23 @@ from numpy.typing import NDArray
 
 from armguard.guard.static_errors import static_errors, static_needs
 from armguard.guard.watch import (
-    AGREEMENT,
     DELAY_SHARE,
     DELAY_STEPS,
-    EARLIER,
     FEW,
-    GIVEN,
     HISTORY,
     JUDGED_ROOM,
-    JUDGED_WAY,
-    LAST,
-    LAST_NOW,
-    LATE,
-    LATEST,
-    PACE,
-    PERIOD,
     RESTING,
-    SLOW_TIME,
     SLOW_TIME_DEFAULT,
-    STUCK_ROW,
+    Agreement,
+    Given,
+    JudgedStop,
+    LastCycle,
+    Repeated,
+    Timing,
     Watch,
 )
 from armguard.motion.state import CLOCK, PLANS
+from armguard.record import records
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -41,19 +36,19 @@ SPARE_COMMANDS = 8
 def watch_of(tables: SceneTables) -> Watch:
     """Initial state for a scene, with all robots at rest."""
     robots, n = len(tables.robots), len(tables.q_names)
-    pace = np.zeros(PACE)
-    pace[[PERIOD, LATE, SLOW_TIME]] = tables.period, tables.late, SLOW_TIME_DEFAULT
-    last = np.zeros(LAST)
-    last[LAST_NOW] = -np.inf
+    last, timing = records((), LastCycle), records((), Timing)
+    last.now = -np.inf
+    timing.period, timing.late = tables.period, tables.late
+    timing.slow_time = SLOW_TIME_DEFAULT
     tools = [tables.links[part.tool] for part in tables.robots]
     return Watch(
         **samples_at_rest(tables),
         **pairs_at_rest(tables),
         **commands_at_rest(tables),
         **sightings_at_start(tables),
-        given=np.zeros(GIVEN),
+        given=records((), Given),
         last=last,
-        pace=pace,
+        timing=timing,
         phase=np.full(robots, RESTING, dtype=np.int64),
         ordered=np.zeros(robots),
         must=np.zeros(robots, dtype=np.int64),
@@ -91,7 +86,7 @@ def samples_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
         "sample_count": np.zeros(robots, dtype=np.int64),
         "sample_t": np.zeros((robots, HISTORY)),
         "sample_q": np.zeros((n, HISTORY)),
-        "stuck": np.zeros((n, STUCK_ROW)),
+        "stuck": records(n, Repeated),
         "looked_at": np.full(robots, -np.inf),
         "may_stand": joints_of_fingers(tables),
         "agreement": no_agreement(n),
@@ -117,7 +112,7 @@ def pairs_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
         "judged_pairs": np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
         "judged_left": np.zeros(JUDGED_ROOM),
         "judged_count": np.zeros(1, dtype=np.int64),
-        "judged_ways": np.zeros((2 * PLANS * n, JUDGED_WAY)),
+        "judged_stops": records(2 * PLANS * n, JudgedStop),
         "judged_clock": np.zeros((PLANS * robots, CLOCK)),
         "judged_settled": np.zeros(1),
     }
@@ -159,10 +154,10 @@ def sightings_at_start(tables: SceneTables) -> dict[str, NDArray[Any]]:
     }
 
 
-def no_agreement(joints: int) -> Floats:
-    """Initial `Watch.agreement`, before the first sample, shape (joints, AGREEMENT)."""
-    found = np.zeros((joints, AGREEMENT))
-    found[:, [LATEST, EARLIER]] = np.nan
+def no_agreement(joints: int) -> Any:
+    """Initial `Watch.agreement`, before the first sample, shape (joints,)."""
+    found = records(joints, Agreement)
+    found.latest = found.earlier = np.nan
     return found
 
 

@@ -8,9 +8,9 @@ positions farther beyond are refused.
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.layout import JOINT, REASON, VALUE
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
-from armguard.guard.watch import COMMANDED, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED
@@ -22,7 +22,7 @@ OUT_OF_LIMITS = int(Reason.OUT_OF_LIMITS)
 
 
 @kernel
-def report_limits(q: Floats, lower: Floats, upper: Floats, out: Floats) -> None:
+def report_limits(q: Floats, lower: Floats, upper: Floats, out: Header) -> None:
     """Write the first joint outside its limits; this reason outranks every distance."""
     for k in range(q.shape[0]):
         if not (lower[k] <= q[k] <= upper[k]):
@@ -39,7 +39,7 @@ def report_measured_limits(q: Floats, w: Workspace, v: Watch, m: Motion) -> None
     for k in range(q.shape[0]):
         beyond = measured_beyond(k, v, m)
         if not (w.lower[k] - beyond <= q[k] <= w.upper[k] + beyond):
-            blame_limits(k, q[k], w.out)
+            blame_limits(k, q[k], w.header)
             return
 
 
@@ -53,14 +53,14 @@ def measured_beyond(j: int, v: Watch, m: Motion) -> float:
     if m.robot_figures[m.robot_of_joint[j]].mode == FIXED:
         return 0.0
     figures = m.joint_figures[j]
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return float(figures.position_error)
     return float(figures.led_beyond + figures.position_error)
 
 
 @kernel
-def blame_limits(j: int, position: float, out: Floats) -> None:
+def blame_limits(j: int, position: float, out: Header) -> None:
     """Write the reason of a joint outside its limits."""
-    out[REASON] = OUT_OF_LIMITS
-    out[JOINT] = j
-    out[VALUE] = position
+    out.reason = OUT_OF_LIMITS
+    out.joint = j
+    out.value = position

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import layout
-from armguard.guard.answer import first_row_of, names_of, stop_answer
+from armguard.guard.answer import answer_of, first_row_of, names_of, stop_answer
 from armguard.guard.checkpoint import chosen, kept_of_tables
 from armguard.guard.checkpoint_bounds import greatest_of
 from armguard.guard.contract import ContractTable
@@ -25,12 +24,13 @@ from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
 from armguard.guard.initial import all_pairs, watch_of
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.objects import Objects
 from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
-from armguard.guard.refine import MEMO_SIZE, MEMO_WIDTH
+from armguard.guard.refine import MEMO_SIZE
 from armguard.guard.saving import Saving
 from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
@@ -45,16 +45,14 @@ from armguard.guard.workspace import (
     MOVING_COUNT,
     OCTREE,
     SETTINGS,
+    Measured,
     Workspace,
 )
 from armguard.guard.world_at_home import build_index, world_at_home
 from armguard.motion import motion_of
+from armguard.record import records
 from armguard.scene.tables import SceneTables
 from armguard.table import Ledger
-
-# Near pairs that an answer has room for. More at once are a reason to stop
-# (`Reason.CAPACITY`).
-NEAR_CAPACITY = 4096
 
 # Arrays of a workspace that are the scene's own.
 OF_SCENE = (
@@ -68,8 +66,8 @@ OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one t
 
 # Arrays that `reset` does not change: figures of the scene, and sightings of objects.
 KEPT = (
-    "pace static_error link_error robot_error top_speed seen_at object_velocity doubt "
-    "object_stale robot_of movers pairs pair_need"
+    "timing static_error link_error robot_error top_speed seen_at object_velocity "
+    "doubt object_stale robot_of movers pairs pair_need"
 ).split()
 
 
@@ -96,14 +94,14 @@ class Loop:
         self._pace = Pace(tables.period, tables.late)
         self._busy = False
         self._memory = np.zeros(MEMORY, dtype=np.int64)
-        capacity = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
         T_world = np.zeros((len(tables.parent), 12))
         world = world_at_home(tables, T_world)
         self._poses = T_world
         self.index = build_index(tables, world)
         self._memory[FORCE] = 1
         first_row = first_row_of(tables)
-        self._out = np.zeros(first_row + capacity * layout.NEAR_WIDTH)
+        answer = answer_of(tables)
+        self._out = answer["out"]
         self._watch = watch_of(tables)
         self._input = CycleInput(self._watch, tables.robots)
         self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
@@ -116,11 +114,11 @@ class Loop:
         settings[MOVING_COUNT] = tables.moving_count
         settings[INDEX_KIND] = index_kind(tables)
         workspace = Workspace(
-            **scratch_of(tables, capacity),
+            **scratch_of(tables, len(answer["near"])),
+            **answer,
             settings=settings,
             T_world=T_world,
             memory=self._memory,
-            out=self._out,
             look=np.array([largest_static_need(tables, self._watch)]),
             motion=self._motion,
             watch=self._watch,
@@ -244,7 +242,7 @@ class Loop:
                         data = stop_answer(self._names, Reason.WRONG_INPUT)
                     else:
                         data = self._out[: run_cycle(array, self._lines)].copy()
-                        if data.item(layout.REASON) == OUT_OF_LIMITS:
+                        if data.item(IN_HEADER.reason) == OUT_OF_LIMITS:
                             fault = likely_mistake(array, self.tables)
         finally:
             self._busy = False
@@ -268,7 +266,7 @@ class Loop:
             with self._grippers.detailed():
                 used = run_cycle(array, self._lines)
                 data = self._out[:used].copy()
-            if data.item(layout.REASON) == OUT_OF_LIMITS:
+            if data.item(IN_HEADER.reason) == OUT_OF_LIMITS:
                 fault = likely_mistake(array, self.tables)
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
@@ -285,8 +283,8 @@ class Loop:
         data = self._out[:used].copy()
         reason = self._pace.note(data)
         if fault:
-            data[layout.REASON] = Reason.WRONG_INPUT
-            data[layout.JOINT] = -1.0
+            data[IN_HEADER.reason] = Reason.WRONG_INPUT
+            data[IN_HEADER.joint] = -1.0
         elif reason == OUT_OF_LIMITS:
             fault = likely_mistake(q, self.tables)
         return data, fault
@@ -302,7 +300,7 @@ class Loop:
         self._input.last_stamp = -np.inf
         for name, fresh in watch_of(self.tables)._asdict().items():
             if name not in KEPT:
-                getattr(self._watch, name)[:] = fresh
+                getattr(self._watch, name)[...] = fresh
         self._motion.v_low[:] = self._motion.v_high[:] = 0.0
         self._motion.clock.fill(0.0)
         if len(self.tables.holds.grippers):
@@ -342,7 +340,7 @@ class Loop:
         self._lines = self._ledger.lines
 
 
-def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
+def scratch_of(tables: SceneTables, capacity: int) -> dict[str, Any]:
     """Arrays of a workspace that belong to the scene, or are scratch, by name.
 
     Args:
@@ -361,9 +359,8 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, NDArray[Any]]:
         "moved": np.zeros(count, dtype=np.uint8),
         "candidates": np.zeros(count, dtype=np.int32),
         "seen": np.zeros(count, dtype=np.int64),
-        "kept": np.zeros((capacity, layout.NEAR_WIDTH)),
-        "memo": np.zeros((MEMO_SIZE, MEMO_WIDTH), dtype=np.int64),
-        "memo_rows": np.zeros((MEMO_SIZE, WITNESS_WIDTH)),
+        "kept": records(capacity, layout.NearRow),
+        "memo": records(MEMO_SIZE, Measured),
         "planes": np.zeros(PLANE_COUNT, dtype=np.int64),
         "normals": np.zeros((PLANE_COUNT, 3)),
         "look_box": np.zeros(6),

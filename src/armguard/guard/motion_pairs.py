@@ -2,23 +2,16 @@
 
 from math import inf
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import stack
 from armguard.geometry.pairs import measure
+from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.demands import judge_motion
-from armguard.guard.layout import (
-    HEADROOM,
-    NEAR_COUNT,
-    NEAR_WIDTH,
-    PAIRS_APART,
-    PAIRS_FILTERED,
-    PAIRS_TESTED,
-    REASON,
-    TIME_LEFT,
-    WITNESS,
-)
+from armguard.guard.layout import NearRow, normal_of, put_witness
 from armguard.guard.memory import CYCLE, KEPT_COUNT, TOKEN
 from armguard.guard.near_pairs import (
     CAPACITY,
@@ -27,7 +20,6 @@ from armguard.guard.near_pairs import (
     is_idle,
     keep_owned,
     open_row,
-    row_place,
 )
 from armguard.guard.needs import (
     LOOK_AHEAD,
@@ -41,14 +33,7 @@ from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.proofs import coarse
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
-from armguard.guard.watch import (
-    COMMANDED,
-    FEW,
-    HYSTERESIS,
-    RECOVERING,
-    SLOW_TIME,
-    Watch,
-)
+from armguard.guard.watch import FEW, HYSTERESIS, RECOVERING, Watch
 from armguard.guard.workspace import (
     BRUTE_FORCE,
     CONTRACTS,
@@ -107,7 +92,7 @@ def judge_motions(w: Workspace) -> None:
         count = go_through_pairs(w)
     else:
         count = look_for_pairs(w)
-    w.out[NEAR_COUNT] = count
+    w.header.near_count = count
     decide(count, w)
 
 
@@ -149,7 +134,7 @@ def go_through_pairs(w: Workspace) -> int:
             and w.octree.residency[i, STATUS] != ABSENT
         ):
             count = judge_pair(i, j, need, look, count, w)
-    w.out[PAIRS_FILTERED] += filtered
+    w.header.pairs_filtered += filtered
     return count
 
 
@@ -179,7 +164,7 @@ def look_for_pairs(w: Workspace) -> int:
             need, look = pair_look(i, j, w, v, m)
             look = max(w.margin[0], look)
             if farther(boxes, i, j, look):
-                w.out[PAIRS_FILTERED] += 1.0
+                w.header.pairs_filtered += 1.0
             else:
                 count = judge_pair(i, j, need, look, count, w)
     return count
@@ -202,64 +187,65 @@ def judge_pair(
     Returns:
         New count of rows.
     """
-    v, out, kinds, rows = w.watch, w.out, w.world.kinds, w.world.rows
+    v, out, kinds, rows = w.watch, w.header, w.world.kinds, w.world.rows
     if is_apart(i, j, look, w):
-        out[PAIRS_APART] += 1.0
+        out.pairs_apart += 1.0
         return count
-    out[PAIRS_TESTED] += 1.0
+    out.pairs_tested += 1.0
     if count == w.kept.shape[0]:
-        out[REASON] = CAPACITY
+        out.reason = CAPACITY
         return count
-    place = row_place(count, w)
-    witness = out[place + WITNESS : place + NEAR_WIDTH]
+    near = w.near[count]
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     measure(kinds[i], rows[i], kinds[j], rows[j], witness)
     if witness[0] > look:
         remember_plane(i, j, w, witness)
         return count
-    distance = witness[0]
-    if distance > w.margin[0] and is_far_along(i, j, need, place, w):
+    put_witness(witness, near)
+    distance = near.distance
+    if distance > w.margin[0] and is_far_along(i, j, need, near, w):
         return count
-    open_row(i, j, place, w)
+    open_row(i, j, near, w)
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
         # Links may be farther apart than the primitives that enclose them.
-        refine_pair(i, j, place, w)
-    judge_motion(i, j, place, w)
+        refine_pair(i, j, near, w)
+    judge_motion(i, j, near, w)
     if (
         distance > w.margin[0]
-        and out[place + HEADROOM] >= hidden_by_error(i, j, w, v)
-        and out[place + TIME_LEFT] >= HYSTERESIS * v.pace[SLOW_TIME]
+        and near.headroom >= hidden_by_error(i, j, w, v)
+        and near.time_left >= HYSTERESIS * v.timing.slow_time
     ):
-        note_pair(i, j, NO_ROW, place, w, v)
+        note_pair(i, j, NO_ROW, near, w, v)
         return count
-    note_pair(i, j, count, place, w, v)
+    note_pair(i, j, count, near, w, v)
     return count + 1
 
 
 @kernel
-def is_far_along(i: int, j: int, need: float, place: int, w: Workspace) -> bool:
+def is_far_along(i: int, j: int, need: float, near: NearRow, w: Workspace) -> bool:
     """Whether a measured pair cannot matter by its motion along the normal.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
         need: Static need of the pair, inf if it has to be proven in full [m].
-        place: Where the pair's row starts; its witness is written already.
+        near: The pair's row; its witness is written already.
         w: The workspace.
     """
-    v, m, at = w.watch, w.motion, place + WITNESS
+    v, m = w.watch, w.motion
     kept = need + v.ahead[i]
     body_i, body_j = w.bodies[i], -1
     if j < m.rate.shape[0]:
         body_j = w.bodies[j]
         kept += v.ahead[j]
-    if not w.out[at] > kept or v.tight[i] == 0 or (body_j >= 0 and v.tight[j] == 0):
+    if not near.distance > kept or v.tight[i] == 0 or (body_j >= 0 and v.tight[j] == 0):
         return False
-    n = (w.out[at + 7], w.out[at + 8], w.out[at + 9])
+    n = normal_of(near)
     shared = shared_joints(body_i, body_j, m)
     speed = bound_along(SPEED, n, i, j, body_i, body_j, shared, m)
-    kept += max(LOOK_AHEAD * v.pace[SLOW_TIME] * speed, hidden_by_error(i, j, w, v))
+    kept += max(LOOK_AHEAD * v.timing.slow_time * speed, hidden_by_error(i, j, w, v))
     travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
-    if w.out[at] - travel >= kept:
+    if near.distance - travel >= kept:
         return True
     if m.effort[AT_MIDDLE] == 0:
         place_at_middle(w.bodies, w.T_world, m)
@@ -284,7 +270,7 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
 @kernel
 def hidden(i: int, v: Watch, m: Motion) -> float:
     """A primitive's part of that headroom [m]."""
-    return 2.0 * m.blur[i] if v.given[COMMANDED] != 0.0 else 0.0
+    return 2.0 * m.blur[i] if v.given.commanded != 0.0 else 0.0
 
 
 @kernel
@@ -295,7 +281,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
     """
     if m.span[SEGMENT] == 0.0:
         bound_twists(w.world.boxes, w.bodies, m)
-    time = LOOK_AHEAD * v.pace[SLOW_TIME]
+    time = LOOK_AHEAD * v.timing.slow_time
     for i in range(w.settings[MOVING_COUNT]):
         v.tight[i] = follows_twists(i, v, m)
         if v.tight[i] == 0:
@@ -327,7 +313,7 @@ def follows_twists(i: int, v: Watch, m: Motion) -> int:
 @kernel
 def new_commands(v: Watch) -> float:
     """Search distance that covers new commands of this cycle [m]."""
-    return LOOK_MORE if v.given[COMMANDED] != 0.0 else 0.0
+    return LOOK_MORE if v.given.commanded != 0.0 else 0.0
 
 
 @kernel
@@ -355,7 +341,7 @@ def closer_look(i: int, j: int, need: float, look: float, w: Workspace) -> float
     travel = relative_bound(TRAVEL, i, j, body_i, body_j, shared, m)
     speed = relative_bound(SPEED, i, j, body_i, body_j, shared, m)
     more = max(
-        LOOK_AHEAD * v.pace[SLOW_TIME] * speed, hidden(i, v, m) + hidden(j, v, m)
+        LOOK_AHEAD * v.timing.slow_time * speed, hidden(i, v, m) + hidden(j, v, m)
     )
     return float(min(look, need + travel + more + v.ahead[i] + v.ahead[j]))
 
@@ -404,7 +390,7 @@ def way_of_object(j: int, v: Watch, m: Motion) -> float:
 @kernel
 def time_ahead(v: Watch, m: Motion) -> float:
     """Look-ahead: time from now after which a contact is not reported [s]."""
-    return float(m.span[SETTLED] + LOOK_AHEAD * v.pace[SLOW_TIME])
+    return float(m.span[SETTLED] + LOOK_AHEAD * v.timing.slow_time)
 
 
 @kernel

@@ -1,30 +1,13 @@
 """Third step of a cycle: measure each candidate pair once, and judge it."""
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import stack
 from armguard.geometry.pairs import measure
-from armguard.guard.layout import (
-    BUFFER,
-    ENVELOPE,
-    EXACT,
-    FIRST,
-    HEADROOM,
-    NEAR_COUNT,
-    NEAR_WIDTH,
-    NEAREST,
-    OUTER,
-    PAIRS_APART,
-    PAIRS_FILTERED,
-    PAIRS_KEPT,
-    PAIRS_TESTED,
-    PROOF,
-    REASON,
-    SECOND,
-    TIME_LEFT,
-    TIME_TO_CONTACT,
-    WITNESS,
-)
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard.layout import NearRow, put_witness
 from armguard.guard.levels import Reason
 from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
 from armguard.guard.planes import is_apart, remember_plane
@@ -32,7 +15,6 @@ from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.workspace import (
     BRUTE_FORCE,
-    FIRST_ROW,
     INDEX_KIND,
     LISTED,
     MOVING_COUNT,
@@ -52,6 +34,7 @@ from armguard.motion.pair_state import (
     UNPROVEN,
     UNSURE,
 )
+from armguard.record import Records, copy
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -79,7 +62,7 @@ def judge_pairs(w: Workspace) -> None:
     """
     w.memory[CYCLE] += 1
     count = judge_listed(w) if w.settings[INDEX_KIND] == LISTED else judge_found(w)
-    w.out[NEAR_COUNT] = count
+    w.header.near_count = count
     decide(count, w)
     remember(count, w.kept, w.memory, w)
 
@@ -108,7 +91,7 @@ def judge_listed(w: Workspace) -> int:
         if residency[i, STATUS] == ABSENT or residency[j, STATUS] == ABSENT:
             continue
         if boxes_apart(w.world.boxes, i, j, w.margin[0]):
-            w.out[PAIRS_FILTERED] += 1.0
+            w.header.pairs_filtered += 1.0
             continue
         count, next_kept = take_kept(i, j, next_kept, kept_count, count, moved, kept, w)
         count = judge_candidate(i, j, count, w)
@@ -141,7 +124,7 @@ def judge_found(w: Workspace) -> int:
                 i, j, next_kept, kept_count, count, moved, kept, w
             )
             if boxes_apart(w.world.boxes, i, j, w.margin[0]):
-                w.out[PAIRS_FILTERED] += 1.0
+                w.header.pairs_filtered += 1.0
             else:
                 count = judge_candidate(i, j, count, w)
         count, next_kept = take_kept(
@@ -157,48 +140,41 @@ def judge_candidate(i: int, j: int, count: int, w: Workspace) -> int:
     Returns:
         New count of rows.
     """
-    out, kinds, rows, margin = w.out, w.world.kinds, w.world.rows, w.margin[0]
+    out, kinds, rows, margin = w.header, w.world.kinds, w.world.rows, w.margin[0]
     if is_apart(i, j, margin, w):
-        out[PAIRS_APART] += 1.0
+        out.pairs_apart += 1.0
         return count
-    out[PAIRS_TESTED] += 1.0
+    out.pairs_tested += 1.0
     if count == w.kept.shape[0]:
-        out[REASON] = CAPACITY
+        out.reason = CAPACITY
         return count
-    place = row_place(count, w)
-    witness = out[place + WITNESS : place + NEAR_WIDTH]
+    near = w.near[count]
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     measure(kinds[i], rows[i], kinds[j], rows[j], witness)
     if witness[0] > margin:
         remember_plane(i, j, w, witness)
         return count
-    open_row(i, j, place, w)
-    required = out[place + BUFFER]
-    if not witness[0] - required >= 0.0:
-        refine_pair(i, j, place, w)
-    out[place + HEADROOM] = witness[0] - required
-    if not out[place + HEADROOM] >= 0.0:
-        out[place + PROOF] = NEEDED
+    put_witness(witness, near)
+    open_row(i, j, near, w)
+    required = near.buffer
+    if not near.distance - required >= 0.0:
+        refine_pair(i, j, near, w)
+    near.headroom = near.distance - required
+    if not near.headroom >= 0.0:
+        near.proof = NEEDED
     return count + 1
 
 
 @kernel
-def row_place(k: int, w: Workspace) -> int:
-    """Index at which the k-th row of the answer starts."""
-    return int(w.settings[FIRST_ROW] + k * NEAR_WIDTH)
-
-
-@kernel
-def open_row(i: int, j: int, place: int, w: Workspace) -> None:
+def open_row(i: int, j: int, near: NearRow, w: Workspace) -> None:
     """Initialise the row of a near pair whose witness was measured."""
-    out = w.out
-    out[place + FIRST] = i
-    out[place + SECOND] = j
-    out[place + BUFFER] = w.buffers[w.groups[i], w.groups[j]]
-    out[place + OUTER] = out[place + WITNESS]
-    out[place + EXACT] = np.inf
-    out[place + TIME_LEFT] = out[place + TIME_TO_CONTACT] = np.inf
-    out[place + PROOF] = PROVEN
-    out[place + ENVELOPE] = 0.0
+    near.first, near.second = i, j
+    near.buffer = w.buffers[w.groups[i], w.groups[j]]
+    near.outer = near.distance
+    near.exact = np.inf
+    near.time_left = near.time_to_contact = np.inf
+    near.proof = PROVEN
+    near.envelope = 0.0
 
 
 @kernel
@@ -258,7 +234,7 @@ def take_kept(
     kept_count: int,
     count: int,
     moved: Bytes,
-    kept: Floats,
+    kept: Records[NearRow],
     w: Workspace,
 ) -> tuple[int, int]:
     """Copy the kept rows of pairs (i, j < before) whose two sides did not move.
@@ -277,17 +253,16 @@ def take_kept(
         New count of rows, and the index of the next kept row.
     """
     while next_kept < kept_count:
-        first, second = int(kept[next_kept, FIRST]), int(kept[next_kept, SECOND])
+        row = kept[next_kept]
+        first, second = int(row.first), int(row.second)
         if first > i or (first == i and second >= before):
             break
         if first == i and not (moved[first] or moved[second]):
             if count == kept.shape[0]:
-                w.out[REASON] = CAPACITY
+                w.header.reason = CAPACITY
                 break
-            place = row_place(count, w)
-            for k in range(NEAR_WIDTH):
-                w.out[place + k] = kept[next_kept, k]
-            w.out[PAIRS_KEPT] += 1.0
+            copy(row, w.near[count])
+            w.header.pairs_kept += 1.0
             count += 1
         next_kept += 1
     return count, next_kept
@@ -310,13 +285,12 @@ def boxes_apart(boxes: Floats, i: int, j: int, margin: float) -> bool:
 @kernel
 def decide(count: int, w: Workspace) -> None:
     """Find the pair with the least headroom, and write the reason that follows."""
-    out = w.out
+    out = w.header
     nearest = -1
     least = np.inf
     reason = NEAR if count > 0 else OK
     for k in range(count):
-        place = row_place(k, w)
-        headroom = out[place + HEADROOM]
+        headroom = w.near[k].headroom
         if headroom != headroom:
             reason = NO_DISTANCE
             nearest = k
@@ -325,10 +299,10 @@ def decide(count: int, w: Workspace) -> None:
             least = headroom
             nearest = k
             if not headroom >= 0.0:
-                reason = reason_of(int(out[place + PROOF]))
-    out[NEAREST] = nearest
-    if out[REASON] == OK:
-        out[REASON] = reason
+                reason = reason_of(int(w.near[k].proof))
+    out.nearest = nearest
+    if out.reason == OK:
+        out.reason = reason
 
 
 @kernel
@@ -344,16 +318,14 @@ def reason_of(proof: int) -> int:
 
 
 @kernel
-def remember(count: int, kept: Floats, memory: Longs, w: Workspace) -> None:
+def remember(count: int, kept: Records[NearRow], memory: Longs, w: Workspace) -> None:
     """Keep this cycle's rows for the next one, unless some are missing."""
-    out = w.out
-    if out[REASON] == CAPACITY or out[REASON] == NO_DISTANCE:
+    out = w.header
+    if out.reason == CAPACITY or out.reason == NO_DISTANCE:
         memory[KEPT_COUNT] = 0
         memory[FORCE] = 1
         return
     for k in range(count):
-        place = row_place(k, w)
-        for n in range(NEAR_WIDTH):
-            kept[k, n] = out[place + n]
+        copy(w.near[k], kept[k])
     memory[KEPT_COUNT] = count
     memory[FORCE] = 0

@@ -4,18 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import dot
-from armguard.guard.layout import (
-    WITNESS,
-)
+from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.observe import now_of
-from armguard.guard.watch import (
-    NOW_TIME,
-    SLOW_TIME,
-    Watch,
-)
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import (
@@ -65,15 +57,13 @@ def closing_speed(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def rate_along_normal(
-    i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
+    i: int, j: int, near: NearRow, w: Workspace, v: Watch, m: Motion
 ) -> float:
     """Greatest present closing speed of a pair, by its witness points and normal [m/s].
 
     Unlike levers this considers directions: motion past the other side does not count.
     """
-    out = w.out
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
+    n = normal_of(near)
     moving = m.rate.shape[0]
     body_j = w.bodies[j] if j < moving else -1
     first = shared_joints(w.bodies[i], body_j, m)
@@ -83,9 +73,7 @@ def rate_along_normal(
         if k >= moving:
             total += object_speed(k, v)
             continue
-        point = (
-            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
-        )  # fmt: skip
+        point = point_of(near, side)
         for c in range(first, m.length[body]):
             b = m.joints[body, c]
             q = m.q_index[b]
@@ -133,7 +121,7 @@ def time_since(seen: float, v: Watch, m: Motion) -> float:
     the declared age of a measurement.
     """
     age = now_of(v) - seen
-    if v.given[NOW_TIME] != v.given[NOW_TIME]:
+    if v.given.now != v.given.now:
         oldest = 0.0
         for r in range(m.robot_figures.shape[0]):
             oldest = max(oldest, m.robot_figures[r].sensing)
@@ -144,4 +132,4 @@ def time_since(seen: float, v: Watch, m: Motion) -> float:
 @kernel
 def look_distance(i: int, v: Watch, m: Motion) -> float:
     """Distance beyond which a primitive's own motion needs no report [m]."""
-    return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.pace[SLOW_TIME])
+    return float(m.reach[NEXT, i] + m.rate[i] * LOOK_AHEAD * v.timing.slow_time)

@@ -18,20 +18,9 @@ from armguard.guard.agreement import (
     interval_of,
     keep_agreement,
 )
-from armguard.guard.layout import JOINT, REASON, ROBOT, VALUE
+from armguard.guard.layout import Header
 from armguard.guard.levels import Reason
-from armguard.guard.watch import (
-    FORCED,
-    HAS_VELOCITY,
-    HISTORY,
-    LAST_NOW,
-    LATE,
-    NOW_TIME,
-    ORDERED_AT,
-    PERIOD,
-    UNANNOUNCED,
-    Watch,
-)
+from armguard.guard.watch import HISTORY, Watch
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     FIXED,
@@ -67,7 +56,7 @@ SPEED_SHARE = 0.02
 
 
 @kernel(separate=True)
-def observe(q: Vector, out: Vector, v: Watch, m: Motion) -> bool:
+def observe(q: Vector, out: Header, v: Watch, m: Motion) -> bool:
     """Store positions and velocity bounds of a cycle, or write what is wrong.
 
     Args:
@@ -90,7 +79,7 @@ def observe(q: Vector, out: Vector, v: Watch, m: Motion) -> bool:
 @kernel
 def now_of(v: Watch) -> float:
     """Time of the cycle as given, else the newest stamp [s]."""
-    now = v.given[NOW_TIME]
+    now = v.given.now
     if now == now:
         return float(now)
     newest = -inf
@@ -107,7 +96,7 @@ def unannounced_time(v: Watch, m: Motion) -> float:
     at most the least of these old. Two newest stamps may be farther apart than their
     cycles by as much.
     """
-    if v.given[NOW_TIME] == v.given[NOW_TIME]:
+    if v.given.now == v.given.now:
         return 0.0
     least = inf
     for r in range(v.stamps.shape[0]):
@@ -117,7 +106,7 @@ def unannounced_time(v: Watch, m: Motion) -> float:
 
 
 @kernel(separate=True)
-def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
+def clocks_are_right(out: Header, v: Watch, m: Motion) -> bool:
     """Whether all stamps and the time of the cycle are plausible.
 
     The time of the cycle is accepted, and its orders count as given then, if the cycle
@@ -129,12 +118,12 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
         v: Inputs and memory.
         m: The prediction.
     """
-    v.last[FORCED], v.last[ORDERED_AT] = OK, inf
-    commanded = v.given[NOW_TIME] == v.given[NOW_TIME]
+    v.last.forced, v.last.ordered_at = OK, inf
+    commanded = v.given.now == v.given.now
     for r in range(v.stamps.shape[0]):
         if not (commanded or isfinite(v.stamps[r])):
             return blame_robot(STAMP_MISSING, r, v.stamps[r], out)
-    now, last = now_of(v), v.last[LAST_NOW]
+    now, last = now_of(v), v.last.now
     if not isfinite(now):
         return blame_robot(STAMP_MISSING, -1, now, out)
     if now < last:
@@ -144,7 +133,7 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
     grain = TIME_GRAIN + TIME_SHARE * abs(now)
     unannounced = unannounced_time(v, m)
     limit = (
-        v.pace[PERIOD] + v.pace[LATE] + max(unannounced, v.last[UNANNOUNCED]) + grain
+        v.timing.period + v.timing.late + max(unannounced, v.last.unannounced) + grain
     )
     in_time = now - last <= limit
     believed, ahead, right = in_time or not commanded, False, True
@@ -164,14 +153,14 @@ def clocks_are_right(out: Vector, v: Watch, m: Motion) -> bool:
             right = blame_robot(reason, r, value, out)
     if not believed:
         return False
-    v.last[LAST_NOW], v.last[UNANNOUNCED] = now, unannounced
+    v.last.now, v.last.unannounced = now, unannounced
     if not ahead:
-        v.last[ORDERED_AT] = now
+        v.last.ordered_at = now
         settle_orders(now, v, m)
     if right and not in_time and last != -inf:
         # The stop of the last proof was to be ordered by now.
-        v.last[FORCED] = CYCLE_LATE
-        out[VALUE] = now - last
+        v.last.forced = CYCLE_LATE
+        out.value = now - last
     return right
 
 
@@ -198,12 +187,12 @@ def settle_orders(now: float, v: Watch, m: Motion) -> None:
     for r in range(v.ordered.shape[0]):
         if v.ordered[r] == inf:
             v.ordered[r] = now
-            if v.given[NOW_TIME] != v.given[NOW_TIME]:
+            if v.given.now != v.given.now:
                 v.ordered[r] += m.robot_figures[r].sensing
 
 
 @kernel
-def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
+def sightings_are_right(v: Watch, m: Motion, out: Header) -> bool:
     """Whether every moving object has a plausible and recent sighting."""
     now = now_of(v)
     latest = now + unannounced_time(v, m) + TIME_GRAIN + TIME_SHARE * abs(now)
@@ -225,7 +214,7 @@ def sightings_are_right(v: Watch, m: Motion, out: Floats) -> bool:
 
 
 @kernel
-def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+def sample_is_right(q: Floats, v: Watch, m: Motion, out: Header) -> bool:
     """Whether each joint can have moved as measured since its last sample."""
     for r in range(m.robot_figures.shape[0]):
         robot = m.robot_figures[r]
@@ -234,7 +223,7 @@ def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
         interval = interval_of(r, v, m)
         for j in range(robot.first_joint, robot.first_joint + robot.joint_count):
             if not joint_sample_is_right(j, q[j], interval, v, m, out):
-                if out[REASON] == STATE_JUMPED:
+                if out.reason == STATE_JUMPED:
                     forget_samples(r, v)
                 return False
     return True
@@ -242,7 +231,7 @@ def sample_is_right(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
 
 @kernel
 def joint_sample_is_right(
-    j: int, position: float, interval: Interval, v: Watch, m: Motion, out: Floats
+    j: int, position: float, interval: Interval, v: Watch, m: Motion, out: Header
 ) -> bool:
     """Whether a joint can have moved as measured since its last sample."""
     figures = m.joint_figures[j]
@@ -266,7 +255,7 @@ def joint_sample_is_right(
 
 
 @kernel
-def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
+def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Header) -> bool:
     """Write the bounds of each joint's velocity, and store the sample."""
     for j in range(q.shape[0]):
         r = m.robot_of_joint[j]
@@ -274,7 +263,7 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Floats) -> bool:
             continue
         figures = m.joint_figures[j]
         top = figures.velocity * (1.0 + SPEED_SHARE)
-        if v.given[HAS_VELOCITY] != 0.0:
+        if v.given.has_velocity != 0.0:
             speed, error = v.velocity[j], figures.velocity_error
             m.v_low[j], m.v_high[j] = speed - error, speed + error
         elif not estimate_velocity(j, r, q[j], v, m):
@@ -348,18 +337,18 @@ def forget_samples(r: int, v: Watch) -> None:
 
 
 @kernel
-def blame_robot(reason: int, r: int, value: float, out: Floats) -> bool:
+def blame_robot(reason: int, r: int, value: float, out: Header) -> bool:
     """Write the reason of a fault of one robot, or of all; returns False."""
-    out[REASON] = reason
-    out[ROBOT] = r
-    out[VALUE] = value
+    out.reason = reason
+    out.robot = r
+    out.value = value
     return False
 
 
 @kernel
-def blame_joint(reason: int, j: int, value: float, out: Floats) -> bool:
+def blame_joint(reason: int, j: int, value: float, out: Header) -> bool:
     """Write the reason of a fault of one joint; returns False."""
-    out[REASON] = reason
-    out[JOINT] = j
-    out[VALUE] = value
+    out.reason = reason
+    out.joint = j
+    out.value = value
     return False

@@ -6,7 +6,7 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.layout import REASON, VALUE
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 from armguard.scene.schema import LEAST_UNLIKELY
 
@@ -39,9 +39,9 @@ class Pace:
 
     def note(self, answer: NDArray[np.float64]) -> float:
         """Add the answer of a cycle, and return its reason."""
-        reason = answer.item(REASON)
+        reason = answer.item(IN_HEADER.reason)
         if reason == CYCLE_LATE:
-            self._add(answer.item(VALUE))
+            self._add(answer.item(IN_HEADER.value))
         elif self._count:
             self._count = 0
         return reason

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import dot
-from armguard.guard.layout import WITNESS
+from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
@@ -15,22 +15,22 @@ Floats = NDArray[np.float64]
 
 
 @kernel
-def pair_row(i: int, j: int, place: int, row: Floats, w: Workspace, m: Motion) -> None:
+def pair_row(
+    i: int, j: int, near: NearRow, row: Floats, w: Workspace, m: Motion
+) -> None:
     """Write the rate at which each joint closes a pair at unit joint speed.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        place: Where the pair's row of the answer starts.
+        near: The pair's row.
         row: Overwritten, shape (n,) [m/rad].
         w: Workspace.
         m: Motion.
     """
-    out = w.out
     for q in range(row.shape[0]):
         row[q] = 0.0
-    at = place + WITNESS
-    n = (out[at + 7], out[at + 8], out[at + 9])
+    n = normal_of(near)
     moving = m.rate.shape[0]
     body_j = w.bodies[j] if j < moving else -1
     first = shared_joints(w.bodies[i], body_j, m)
@@ -38,9 +38,7 @@ def pair_row(i: int, j: int, place: int, row: Floats, w: Workspace, m: Motion) -
         k, body = (i, w.bodies[i]) if side == 0 else (j, body_j)
         if k >= moving:
             continue
-        point = (
-            out[at + 1 + 3 * side], out[at + 2 + 3 * side], out[at + 3 + 3 * side]
-        )  # fmt: skip
+        point = point_of(near, side)
         for c in range(first, m.length[body]):
             b = m.joints[body, c]
             q = m.q_index[b]

@@ -6,10 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.guard.layout import (
-    ENVELOPE,
-    WITNESS,
-)
+from armguard.guard.layout import NearRow, normal_of
 from armguard.guard.needs import (
     LOOK_AHEAD,
     closing_speed,
@@ -20,16 +17,8 @@ from armguard.guard.needs import (
     static_need,
 )
 from armguard.guard.relief import relief_of
-from armguard.guard.watch import (
-    BRAKING,
-    LOST,
-    RECOVERING,
-    SLOW_TIME,
-    Watch,
-)
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.watch import BRAKING, LOST, RECOVERING, Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import (
     SPEED,
@@ -77,7 +66,7 @@ OF_EXACT = 2.0
 
 @kernel(separate=True)
 def prove_pair(
-    i: int, j: int, plan_i: int, plan_j: int, place: int, w: Workspace
+    i: int, j: int, plan_i: int, plan_j: int, near: NearRow, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps its required separation on the stop paths of its robots.
 
@@ -89,8 +78,8 @@ def prove_pair(
         How the proof ended, and the headroom, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
-    distance = w.out[place + WITNESS]
-    w.out[place + ENVELOPE] = OF_WITNESS
+    distance = near.distance
+    near.envelope = OF_WITNESS
     need, drift = static_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
     if is_evaded(i, j, v) and m.span[SEGMENT] == 0.0:
@@ -100,13 +89,13 @@ def prove_pair(
             return (UNPROVEN, by_levers)
         return (PROVEN, by_levers)
     floor = w.buffers[w.groups[i], w.groups[j]]
-    relief = relief_of(i, j, place, distance - whole, floor, w, v, m)
+    relief = relief_of(i, j, near, distance - whole, floor, w, v, m)
     if relief == 0.0:
-        return prove_need(i, j, plan_i, plan_j, place, need, False, w)
+        return prove_need(i, j, plan_i, plan_j, near, need, False, w)
     m.effort[LOOKED] = 1
-    proof, spare = prove_need(i, j, plan_i, plan_j, place, need - relief, True, w)
+    proof, spare = prove_need(i, j, plan_i, plan_j, near, need - relief, True, w)
     if proof == PROVEN and drift > 0.0 and relief > floor:
-        w.out[place + ENVELOPE] = OF_WITNESS
+        near.envelope = OF_WITNESS
         return (UNPROVEN, distance - whole - m.reach[plan_i, i])
     return (proof, spare)
 
@@ -117,7 +106,7 @@ def prove_need(
     j: int,
     plan_i: int,
     plan_j: int,
-    place: int,
+    near: NearRow,
     need: float,
     relieved: bool,
     w: Workspace,
@@ -129,7 +118,7 @@ def prove_need(
         j: Higher primitive.
         plan_i: The stop of the robot of i, NEXT or NOW.
         plan_j: The stop of the robot of j, NEXT or NOW.
-        place: Where the pair's row starts.
+        near: The pair's row.
         need: The distance, without an object's travel until all rest [m].
         relieved: Whether it was reduced for a recovery.
         w: The workspace.
@@ -138,12 +127,11 @@ def prove_need(
         How the proof ended, and the headroom, negative for a deficit [m].
     """
     v, m = w.watch, w.motion
-    out = w.out
-    distance, drift = out[place + WITNESS], object_speed(j, v)
+    distance, drift = near.distance, object_speed(j, v)
     whole = need + drift * m.span[SETTLED]
     by_levers = less_reach(distance - whole, i, j, plan_i, plan_j, w)
     blunt = not distance > 0.0 or coarse(i, v, m) or coarse(j, v, m)
-    if not relieved and (blunt or is_plenty(by_levers, i, j, place, w, v, m)):
+    if not relieved and (blunt or is_plenty(by_levers, i, j, near, w, v, m)):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
     if m.effort[TESTS] >= m.effort[BUDGET]:
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
@@ -151,22 +139,22 @@ def prove_need(
     p = new_pair()
     p.need, p.drift = need, drift
     describe_pair(i, j, plan_i, plan_j, w, m, p)
-    n = (out[place + WITNESS + 7], out[place + WITNESS + 8], out[place + WITNESS + 9])
+    n = normal_of(near)
     by_path = path_gap(n, p, m) - whole
     spare = max(by_levers, by_path)
     if by_path > by_levers:
-        out[place + ENVELOPE] = OF_PRIMITIVES
+        near.envelope = OF_PRIMITIVES
     has_exact = w.exact_of[i, 1] != 0 or w.exact_of[j, 1] != 0
     if has_exact and not spare >= PLENTY:
         by_shapes = look_at_exact(i, j, w, p)
         if by_shapes > spare:
             m.effort[LOOKED] = 1
             spare = by_shapes
-            out[place + ENVELOPE] = OF_EXACT
+            near.envelope = OF_EXACT
         describe_pair(i, j, plan_i, plan_j, w, m, p)
     if spare >= (LITTLE if m.span[SEGMENT] == 0.0 else 0.0):
         return (PROVEN, spare)
-    return prove_halved(i, j, place, spare, relieved, w, p)
+    return prove_halved(i, j, near, spare, relieved, w, p)
 
 
 @kernel
@@ -192,14 +180,14 @@ def less_reach(
 
 @kernel
 def prove_halved(
-    i: int, j: int, place: int, spare: float, relieved: bool, w: Workspace, p: Pair
+    i: int, j: int, near: NearRow, spare: float, relieved: bool, w: Workspace, p: Pair
 ) -> tuple[int, float]:
     """Prove a pair by spans of its stop paths, first of primitives, then exact.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        place: Where the pair's row starts.
+        near: The pair's row.
         spare: Headroom over the whole paths, negative for a deficit [m].
         relieved: Whether the distance to keep was reduced for a recovery.
         w: The workspace.
@@ -208,18 +196,18 @@ def prove_halved(
     Returns:
         How the proof ended, and the headroom, negative for a deficit [m].
     """
-    m, out = w.motion, w.out
+    m = w.motion
     known = spare if spare >= 0.0 else -inf
     proof, by_spans = prove_by_spans(known, p, m)
     if proof == PROVEN and by_spans > spare:
         m.effort[LOOKED] = 1 if relieved else 0
-        out[place + ENVELOPE] = OF_PRIMITIVES
+        near.envelope = OF_PRIMITIVES
         return (proof, by_spans)
     if spare >= 0.0:
         return (PROVEN, spare)
     if proof == SPENT:
         return (proof, spare)
-    out[place + ENVELOPE] = OF_PRIMITIVES
+    near.envelope = OF_PRIMITIVES
     if w.exact_of[i, 1] == 0 and w.exact_of[j, 1] == 0:
         return (proof, by_spans)
     m.effort[LOOKED] = 1
@@ -227,7 +215,7 @@ def prove_halved(
     if exact == SPENT:
         return (exact, by_spans)
     if exact == PROVEN or by_exact > by_spans:
-        out[place + ENVELOPE] = OF_EXACT
+        near.envelope = OF_EXACT
         return (exact, by_exact)
     return (proof, by_spans)
 
@@ -254,15 +242,15 @@ def is_evaded(i: int, j: int, v: Watch) -> bool:
 
 @kernel
 def is_plenty(
-    spare: float, i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
+    spare: float, i: int, j: int, near: NearRow, w: Workspace, v: Watch, m: Motion
 ) -> bool:
     """Whether a pair's headroom is so large that a coarse bound suffices."""
-    time = LOOK_AHEAD * v.pace[SLOW_TIME]
+    time = LOOK_AHEAD * v.timing.slow_time
     if spare >= time * closing_speed(i, j, w, v, m):
         return True
     if not spare >= NEAR_CUE:
         return False
-    return bool(spare >= time * rate_along_normal(i, j, place, w, v, m))
+    return bool(spare >= time * rate_along_normal(i, j, near, w, v, m))
 
 
 @kernel

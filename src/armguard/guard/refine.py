@@ -15,7 +15,7 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
-from armguard.guard.layout import EXACT, PAIRS_REFINED, WITNESS
+from armguard.guard.layout import NearRow, put_witness
 from armguard.guard.memory import CYCLE
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -24,54 +24,36 @@ from armguard.table import Vector
 Floats = NDArray[np.float64]
 
 # A link has several primitives, so a pair of links is needed several times a cycle: its
-# result is cached. Columns of a line: the two sides, and the cycle.
-KEY_A = 0
-KEY_B = 1
-WHEN = 2
-MEMO_WIDTH = 3
+# result is cached. Lines of the cache [-].
 MEMO_SIZE = 512
 
 
 @kernel(separate=True)
-def refine_pair(i: int, j: int, place: int, w: Workspace) -> None:
+def refine_pair(i: int, j: int, near: NearRow, w: Workspace) -> None:
     """Replace a row's witness by that of the exact shapes, if they are farther apart.
 
     Args:
         i: Lower primitive of the pair.
         j: Higher primitive.
-        place: Where the pair's row starts in the answer.
+        near: The pair's row.
         w: The workspace.
     """
     first_a, count_a = w.exact_of[i, 0], w.exact_of[i, 1]
     first_b, count_b = w.exact_of[j, 0], w.exact_of[j, 1]
     if count_a == 0 and count_b == 0:
         return
-    out = w.out
     # Key of a side: its link's exact shapes, or the primitive, which is exact.
     key_a = first_a if count_a else -1 - i
     key_b = first_b if count_b else -1 - j
-    line = (key_a * 31 + key_b) % MEMO_SIZE
-    cycle = w.memory[CYCLE]
-    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
-    if (
-        w.memo[line, WHEN] == cycle
-        and w.memo[line, KEY_A] == key_a
-        and w.memo[line, KEY_B] == key_b
-    ):
-        for k in range(WITNESS_WIDTH):
-            found[k] = w.memo_rows[line, k]
-    else:
-        measure_parts(i, j, w, found)
-        out[PAIRS_REFINED] += 1.0
-        for k in range(WITNESS_WIDTH):
-            w.memo_rows[line, k] = found[k]
-        w.memo[line, KEY_A], w.memo[line, KEY_B] = key_a, key_b
-        w.memo[line, WHEN] = cycle
-    out[place + EXACT] = found[0]
+    line, cycle = w.memo[(key_a * 31 + key_b) % MEMO_SIZE], w.memory[CYCLE]
+    if line.cycle != cycle or line.key_a != key_a or line.key_b != key_b:
+        measure_parts(i, j, w, line.witness[:])
+        w.header.pairs_refined += 1.0
+        line.key_a, line.key_b, line.cycle = key_a, key_b, cycle
+    near.exact = line.witness[0]
     # A NaN replaces the distance, and so leads to a stop.
-    if not found[0] <= out[place + WITNESS]:
-        for k in range(WITNESS_WIDTH):
-            out[place + WITNESS + k] = found[k]
+    if not near.exact <= near.distance:
+        put_witness(line.witness, near)
 
 
 @kernel(separate=True)

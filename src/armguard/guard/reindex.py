@@ -1,18 +1,6 @@
 """Second step of a cycle: update of the index for the primitives that moved."""
 
-from armguard.guard.layout import (
-    CHANGED_LEAF,
-    LEAVES_ENTERED,
-    LEAVES_LEFT,
-    MERGES,
-    SPLITS,
-)
-from armguard.guard.workspace import (
-    BRUTE_FORCE,
-    INDEX_KIND,
-    MOVING_COUNT,
-    Workspace,
-)
+from armguard.guard.workspace import BRUTE_FORCE, INDEX_KIND, MOVING_COUNT, Workspace
 from armguard.index.octree_state import (
     COUNT_ENTERED,
     COUNT_LEFT,
@@ -31,7 +19,7 @@ def update_index(w: Workspace) -> None:
     """
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
         return
-    counters, out = w.octree.counters, w.out
+    counters, out = w.octree.counters, w.header
     entered, left = counters[COUNT_ENTERED], counters[COUNT_LEFT]
     splits, merges = counters[COUNT_SPLITS], counters[COUNT_MERGES]
     changed_body = -1
@@ -45,9 +33,9 @@ def update_index(w: Workspace) -> None:
             body != changed_body
             and counters[COUNT_ENTERED] + counters[COUNT_LEFT] != before
         ):
-            out[CHANGED_LEAF] += 1.0
+            out.changed_leaf += 1.0
             changed_body = body
-    out[LEAVES_ENTERED] = counters[COUNT_ENTERED] - entered
-    out[LEAVES_LEFT] = counters[COUNT_LEFT] - left
-    out[SPLITS] = counters[COUNT_SPLITS] - splits
-    out[MERGES] = counters[COUNT_MERGES] - merges
+    out.leaves_entered = counters[COUNT_ENTERED] - entered
+    out.leaves_left = counters[COUNT_LEFT] - left
+    out.splits = counters[COUNT_SPLITS] - splits
+    out.merges = counters[COUNT_MERGES] - merges

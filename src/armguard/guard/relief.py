@@ -3,18 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.layout import NearRow
 from armguard.guard.needs import object_speed, robot_of
 from armguard.guard.observe import now_of
 from armguard.guard.pair_row import pair_row
-from armguard.guard.watch import (
-    COMMANDED,
-    RECOVERING,
-    RUNNING,
-    Watch,
-)
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.watch import RECOVERING, RUNNING, Watch
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import (
     SEGMENT,
@@ -32,7 +26,7 @@ SINK = 1e-3
 def relief_of(
     i: int,
     j: int,
-    place: int,
+    near: NearRow,
     spare: float,
     floor: float,
     w: Workspace,
@@ -50,7 +44,7 @@ def relief_of(
     Args:
         i: Lower primitive.
         j: Higher primitive.
-        place: Where the pair's row starts.
+        near: The pair's row.
         spare: Distance minus the need without joint motion [m].
         floor: Part of that need that is no error: the buffer [m].
         w: Workspace.
@@ -75,29 +69,31 @@ def relief_of(
         r = robot_i if side == 0 else robot_j
         if r < 0:
             continue
-        if v.phase[r] == RUNNING and is_driven_nearer(r, i, j, place, w):
+        if v.phase[r] == RUNNING and is_driven_nearer(r, i, j, near, w):
             return 0.0
         if v.phase[r] == RECOVERING:
             v.relieved[r] = 1
-            if not surely_opens(r, i, j, place, w):
+            if not surely_opens(r, i, j, near, w):
                 return 0.0
             # `relief` includes the travel of an object until `relief_until`.
             later = max(now_of(v) + m.span[SETTLED] - v.relief_until[r], 0.0)
             most = max(most, v.relief[r] + SINK + object_speed(j, v) * later)
     relief = min(SINK - spare, most)
-    if relief > floor and measured + floor >= error_along(i, j, place, w, v, m):
+    if relief > floor and measured + floor >= error_along(i, j, near, w, v, m):
         # A pair that surely does not touch has to stay apart.
         relief = floor
     return float(relief)
 
 
 @kernel
-def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -> float:
+def error_along(
+    i: int, j: int, near: NearRow, w: Workspace, v: Watch, m: Motion
+) -> float:
     """Error of a pair's distance due to joint position errors, to first order [m].
 
     At most `blur`, which sums the displacements of both sides in any direction.
     """
-    pair_row(i, j, place, v.row, w, m)
+    pair_row(i, j, near, v.row, w, m)
     total = 0.0
     for q in range(v.row.shape[0]):
         total += abs(v.row[q]) * m.joint_figures[q].position_error
@@ -105,7 +101,7 @@ def error_along(i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion) -
 
 
 @kernel(separate=True)
-def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
+def surely_opens(r: int, i: int, j: int, near: NearRow, w: Workspace) -> bool:
     """Whether a robot's command opens a pair despite all tracking errors.
 
     The other robot's tracking errors count as well if it is driven.
@@ -114,13 +110,13 @@ def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
         r: The robot.
         i: Lower primitive.
         j: Higher primitive.
-        place: Where the pair's row starts.
+        near: The pair's row.
         w: The workspace.
     """
     v, m = w.watch, w.motion
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return False
-    pair_row(i, j, place, v.row, w, m)
+    pair_row(i, j, near, v.row, w, m)
     closing = 0.0
     for q in range(v.row.shape[0]):
         own = int(m.robot_of_joint[q])
@@ -132,20 +128,20 @@ def surely_opens(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
 
 
 @kernel(separate=True)
-def is_driven_nearer(r: int, i: int, j: int, place: int, w: Workspace) -> bool:
+def is_driven_nearer(r: int, i: int, j: int, near: NearRow, w: Workspace) -> bool:
     """Whether a pending or desired command of a robot closes a pair.
 
     Args:
         r: The robot.
         i: Lower primitive.
         j: Higher primitive.
-        place: Where the pair's row starts.
+        near: The pair's row.
         w: The workspace.
     """
     v, m = w.watch, w.motion
-    if v.given[COMMANDED] == 0.0:
+    if v.given.commanded == 0.0:
         return True
-    pair_row(i, j, place, v.row, w, m)
+    pair_row(i, j, near, v.row, w, m)
     first = m.robot_figures[r].first_joint
     for q in range(first, first + m.robot_figures[r].joint_count):
         low = min(v.under_way[q, 0], v.wanted[q])

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cycle import clear_header, rebuild_world
-from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH, SPANS_TESTED
+from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.workspace import open_workspace
@@ -39,7 +39,7 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
     bound_reaches(NEXT, w.bodies, m)
     bound_reaches(1 - NEXT, w.bodies, m)
     judge_all(w)
-    w.out[SPANS_TESTED] = m.effort[TESTS]
+    w.header.spans_tested = m.effort[TESTS]
     m.span[SEGMENT] = 0.0
     w.memory[FORCE] = 1
-    return rows + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
+    return rows + int(w.header.near_count) * NEAR_WIDTH

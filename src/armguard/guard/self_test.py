@@ -128,7 +128,7 @@ def untouched(guard: Loop) -> Iterator[None]:
     finally:
         guard.reset()
         for name, array in before.items():
-            getattr(watch, name)[:] = array
+            getattr(watch, name)[...] = array
         grips.contracts[:], grips.may[:] = contracts, may
         settings[INTENTS] = intents
 

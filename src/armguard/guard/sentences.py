@@ -5,9 +5,9 @@ from math import isfinite
 
 import numpy as np
 
-from armguard.guard import layout
 from armguard.guard.answer import Answer
 from armguard.guard.given import top_speeds
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import OF_OBJECTS, ORDERED, Level, Reason
 from armguard.guard.near_pair import NearPair
 from armguard.guard.pace import clock_sentence, late_sentence
@@ -105,7 +105,7 @@ def sentence_of(
     k = deciding(reason, answer)
     if reason in ABOUT_PAIRS and k >= 0:
         return pair_sentence(doing, reason, answer.pair(k))
-    if answer.data[layout.JOINT] >= 0.0:
+    if answer.data[IN_HEADER.joint] >= 0.0:
         return joint_sentence(doing, reason, answer, fault or OUTSIDE)
     return input_sentence(doing, reason, answer, subject_of(reason, answer, disproved))
 
@@ -113,13 +113,16 @@ def sentence_of(
 def subject_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
     """Name of the joint, object or robot of a fault; "" if it concerns all, or none."""
     names = answer.names
-    joint, r = int(answer.data[layout.JOINT]), int(answer.data[layout.ROBOT])
+    joint, r = (
+        int(answer.data[IN_HEADER.joint]),
+        int(answer.data[IN_HEADER.robot]),
+    )
     if joint >= 0:
         return names.tables.q_names[joint]
     if reason in LAGS and disproved:
         return disproved[0]
     if reason in OF_OBJECTS:
-        return names.tables.body_names[int(answer.data[layout.VALUE])]
+        return names.tables.body_names[int(answer.data[IN_HEADER.value])]
     known = 0 <= r < len(names.robots)
     return names.robots[r] if known and reason not in OF_ALL else ""
 
@@ -153,7 +156,7 @@ def pair_demand(doing: str, reason: Reason, pair: NearPair) -> str:
 
 def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> str:
     """Line of a reason about a robot, an object or the cycle."""
-    sentence, value = reason.sentence, float(answer.data[layout.VALUE])
+    sentence, value = reason.sentence, float(answer.data[IN_HEADER.value])
     tables = answer.names.tables
     if reason is Reason.CYCLE_LATE and isfinite(value):
         sentence = late_sentence(value, tables.period, tables.late)
@@ -171,7 +174,10 @@ def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> 
 
 def joint_sentence(doing: str, reason: Reason, answer: Answer, advice: str) -> str:
     """Line of a reason about a joint, with advice where it is outside its limits."""
-    k, value = int(answer.data[layout.JOINT]), float(answer.data[layout.VALUE])
+    k, value = (
+        int(answer.data[IN_HEADER.joint]),
+        float(answer.data[IN_HEADER.value]),
+    )
     names = answer.names
     at, sentence = "", reason.sentence
     if reason in AT_SPEED:

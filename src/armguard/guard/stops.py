@@ -15,14 +15,7 @@ from armguard.guard.observe import now_of, unannounced_time
 from armguard.guard.settling import swing_speed
 from armguard.guard.watch import (
     BRAKING,
-    EARLIER,
-    FORCED,
-    HAS_VELOCITY,
-    LATE,
     LOST,
-    NOW_TIME,
-    ORDERED_AT,
-    PERIOD,
     RECOVERING,
     RESTING,
     RUNNING,
@@ -130,8 +123,8 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
     effect = effect_time(r, v, m)
     before, now = v.fastest_at[r], v.stamps[r]
     v.fastest_at[r] = now
-    unannounced = v.given[NOW_TIME] != v.given[NOW_TIME]
-    if unannounced and int(v.last[FORCED]) == CYCLE_LATE:
+    unannounced = v.given.now != v.given.now
+    if unannounced and int(v.last.forced) == CYCLE_LATE:
         # Stamps alone do not distinguish a pause from a clock that jumped ahead.
         return -1
     first = robot.first_joint
@@ -177,14 +170,14 @@ def effect_time(r: int, v: Watch, m: Motion) -> float:
 @kernel
 def speed_before(j: int, v: Watch, m: Motion) -> float:
     """Greatest speed by the sample before the last accepted one; 0 if there is none."""
-    speed = abs(v.agreement[j, EARLIER])
+    speed = abs(v.agreement[j].earlier)
     return float(speed + m.joint_figures[j].velocity_error) if speed == speed else 0.0
 
 
 @kernel
 def unknown_age(r: int, v: Watch, m: Motion) -> float:
     """Additional age of a measurement if the time of the cycle is not given [s]."""
-    commanded = v.given[NOW_TIME] == v.given[NOW_TIME]
+    commanded = v.given.now == v.given.now
     return 0.0 if commanded else float(m.robot_figures[r].sensing)
 
 
@@ -281,7 +274,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
     """Write the delays of each robot's stop, if ordered now or in the next cycle."""
     now = now_of(v)
     robots = v.phase.shape[0]
-    cycle = v.pace[PERIOD] + v.pace[LATE] + unannounced_time(v, m)
+    cycle = v.timing.period + v.timing.late + unannounced_time(v, m)
     for plan in range(2):
         for r in range(robots):
             clock = m.clock[plan * robots + r]
@@ -313,7 +306,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
 def order_stops(v: Watch, m: Motion) -> None:
     """Order the stops that this cycle demands, and release robots that may move."""
     now = now_of(v)
-    forced = int(v.last[FORCED])
+    forced = int(v.last.forced)
     for r in range(v.phase.shape[0]):
         if m.robot_figures[r].mode == FIXED:
             continue
@@ -331,12 +324,12 @@ def stop_everything(reason: int, v: Watch, m: Motion) -> None:
     for r in range(v.phase.shape[0]):
         driven = v.phase[r] == RUNNING or v.phase[r] == RECOVERING
         if m.robot_figures[r].mode != FIXED and driven:
-            order(r, STOPPING, reason, v.last[ORDERED_AT], v, m)
+            order(r, STOPPING, reason, v.last.ordered_at, v, m)
             # The travel of this stop was not planned in this cycle.
             first = m.robot_figures[r].first_joint
             for j in range(first, first + m.robot_figures[r].joint_count):
                 # The refused velocity may be true.
-                if v.given[HAS_VELOCITY] != 0.0 and isfinite(v.velocity[j]):
+                if v.given.has_velocity != 0.0 and isfinite(v.velocity[j]):
                     top = max(v.fastest[j], m.joint_figures[j].velocity)
                     speed = abs(v.velocity[j]) + m.joint_figures[j].velocity_error
                     v.fastest[j] = max(v.fastest[j], min(speed, top))

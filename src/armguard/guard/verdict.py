@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import ROBOT_PLACES, Answer, Counts, Names
+from armguard.guard.answer import Answer, Counts, Names
 from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
+from armguard.guard.layout import IN_HEADER, IN_ROBOT
 from armguard.guard.levels import Level, Reason
 from armguard.guard.near_pair import NearPair, listed
 from armguard.guard.nuisance import Nuisance, classify, lack_of
@@ -107,7 +108,7 @@ class Verdict:
     @property
     def reason(self) -> Reason:
         """Reason of the level."""
-        return Reason(int(self._data[layout.REASON]))
+        return Reason(int(self._data[IN_HEADER.reason]))
 
     @property
     def level(self) -> Level:
@@ -169,7 +170,7 @@ class Verdict:
         nearest = self.nearest
         return Headroom(
             inf if nearest is None else nearest.headroom,
-            float(self._data[layout.LEAST_TIME_LEFT]) if self._names.robots else inf,
+            float(self._data[IN_HEADER.least_time_left]) if self._names.robots else inf,
         )
 
     @property
@@ -257,7 +258,7 @@ class Verdict:
     @property
     def nearest(self) -> NearPair | None:
         """The near pair with the least headroom, None if no pair is near."""
-        k = int(self._data[layout.NEAREST])
+        k = int(self._data[IN_HEADER.nearest])
         return None if k < 0 else self._answer.pair(k)
 
     @property
@@ -268,7 +269,7 @@ class Verdict:
     @property
     def joint(self) -> str | None:
         """The joint of a fault, None if it concerns none."""
-        k = int(self._data[layout.JOINT])
+        k = int(self._data[IN_HEADER.joint])
         return None if k < 0 else self._names.tables.q_names[k]
 
     @property
@@ -333,7 +334,7 @@ class Verdict:
         The counts of work are left out: they depend on the earlier poses of the arms.
         """
         state = self._data.copy()
-        state[layout.PAIRS_TESTED : layout.PAIRS_APART + 1] = 0.0
+        state[IN_HEADER.pairs_tested : IN_HEADER.pairs_apart + 1] = 0.0
         return state.tobytes()
 
     def __repr__(self) -> str:
@@ -364,7 +365,7 @@ class Verdict:
 
     def _numbers_of(self, field: str) -> list[Any]:
         """One number per robot, in their order; none where every mode is "fixed"."""
-        first = layout.HEADER + ROBOT_PLACES[field]
+        first = layout.HEADER + getattr(IN_ROBOT, field)
         end = layout.HEADER + len(self._names.robots) * layout.ROBOT_WIDTH
         numbers: list[Any] = self._data[first : end : layout.ROBOT_WIDTH].tolist()
         return numbers

@@ -1,7 +1,8 @@
 """State of a guard: inputs, measurements, commands and the stops it has ordered."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from armguard.record import Records, record
 from armguard.table import (
     IntMatrix,
     IntVector,
@@ -18,27 +19,113 @@ SLOW_TIME_DEFAULT = 0.1
 # A slowed robot stays slow until its time left is this multiple of that time [-].
 HYSTERESIS = 1.25
 
-# Indices of `Watch.given`, the input of a cycle.
-NOW_TIME = 0  # time of the cycle [s]; NaN if not given
-HAS_VELOCITY = 1  # 1 if velocities were given with the positions
-COMMANDED = 2  # 1 if commands go through the guard
-JUDGED = 3  # 1 if the input could be judged
-GIVEN = 4
 
-# Indices of `Watch.last`.
-LAST_NOW = 0  # time of the last cycle [s]
-FORCED = 1  # reason why every robot must stop in this cycle, 0 for none
-UNANNOUNCED = 2  # how much later than its time the last cycle may have been [s]
-ORDERED_AT = 3  # time of the orders of a refused cycle [s]; infinite: unknown
-LAST = 4
+@record
+class Given:
+    """Input of a cycle; flags are float64, as checkpoints hold them.
 
-# Indices of `Watch.pace`.
-PERIOD = 0  # declared time from one cycle to the next [s]
-LATE = 1  # permitted delay of a cycle beyond that [s]
-SLOW_TIME = 2  # time left below which an arm is slowed [s]
-PACE = 3
+    Attributes:
+        now: Time of the cycle; NaN if it was not given [s].
+        has_velocity: 1 if velocities were given with the positions.
+        commanded: 1 if commands go through the guard.
+        judged: 1 if the input could be judged.
+    """
 
-# Phases of a robot.
+    now: float
+    has_velocity: float
+    commanded: float
+    judged: float
+
+
+@record
+class LastCycle:
+    """Times of the last cycle, and the reason for a stop in this one.
+
+    The reason is float64, as checkpoints hold it.
+
+    Attributes:
+        now: Time of the last cycle [s].
+        forced: Reason why every robot must stop in this cycle, 0 for none.
+        unannounced: Greatest delay of the last cycle after its time [s].
+        ordered_at: Time of the orders of a refused cycle; infinite: unknown [s].
+    """
+
+    now: float
+    forced: float
+    unannounced: float
+    ordered_at: float
+
+
+@record
+class Timing:
+    """Declared times of the loop.
+
+    Attributes:
+        period: Time from one cycle to the next [s].
+        late: Permitted delay of a cycle beyond that [s].
+        slow_time: Time left below which an arm is slowed [s].
+    """
+
+    period: float
+    late: float
+    slow_time: float
+
+
+@record
+class Repeated:
+    """Repeated position of a joint, by which a stuck sensor is detected.
+
+    Attributes:
+        position: The position [rad or m].
+        time: Time for which the joint was commanded to move meanwhile [s].
+        travel: Least travel commanded meanwhile [rad or m].
+    """
+
+    position: float
+    time: float
+    travel: float
+
+
+@record
+class Agreement:
+    """Consistency of a joint's measured velocities with its positions.
+
+    Attributes:
+        latest: Measured velocity of the last accepted sample, NaN if it had none.
+        earlier: Measured velocity of the sample before, NaN if it had none.
+        ahead: Travel beyond what the velocities explain [rad or m].
+        behind: Travel short of what the velocities explain [rad or m].
+        ahead_next: `ahead`, if the sample of this cycle is accepted.
+        behind_next: `behind`, if the sample of this cycle is accepted.
+    """
+
+    latest: float
+    earlier: float
+    ahead: float
+    behind: float
+    ahead_next: float
+    behind_next: float
+
+
+@record
+class JudgedStop:
+    """Planned stop of a joint in one direction, for which pairs were judged.
+
+    Attributes:
+        travel: Whole travel, swing included [rad or m].
+        opposite_speed: Speed, if it moves in the opposite direction only [rad/s or
+            m/s].
+        settled: Time until it has settled [s].
+        rest_travel: Travel at rest, without the swing [rad or m].
+    """
+
+    travel: float
+    opposite_speed: float
+    settled: float
+    rest_travel: float
+
+
+# Phases of a robot: plain numbers, since kernels store them in arrays of int64.
 RESTING = 0  # at rest after a stop, or at the start: its operator waits
 RUNNING = 1  # its operator moves it
 STOPPING = 2  # a controlled stop was ordered
@@ -61,32 +148,10 @@ FEW = 128
 # Greatest count of pairs recorded in a cycle for a second proof by their headroom.
 JUDGED_ROOM = 4096
 
-# Columns of `Watch.stuck`.
-STUCK_AT = 0  # repeated position of the joint [rad or m]
-COMMANDED_FOR = 1  # time for which it was commanded to move meanwhile [s]
-COMMANDED_WAY = 2  # least travel commanded meanwhile [rad or m]
-STUCK_ROW = 3
-
 # Tested delays of drives: multiples of this share of the declared delay of commands;
 # the fourth is that delay itself [-].
 DELAY_STEPS = 8
 DELAY_SHARE = 0.25
-
-# Columns of `Watch.agreement`.
-LATEST = 0  # measured velocity of the last accepted sample, NaN if it had none
-EARLIER = 1  # measured velocity of the sample before, NaN if it had none
-AHEAD_SUM = 2  # travel beyond what the velocities explain [rad or m]
-BEHIND_SUM = 3  # travel short of what the velocities explain [rad or m]
-AHEAD_NEXT = 4  # both sums, if the sample of this cycle is accepted
-BEHIND_NEXT = 5
-AGREEMENT = 6
-
-# Columns of `Watch.judged_ways`: a joint's planned stop in one direction.
-WAY = 0  # whole travel, settling included [rad or m]
-BACKWARDS = 1  # speed, if it moves in the opposite direction only [rad/s or m/s]
-SETTLES = 2  # time until it has settled [s]
-RESTS = 3  # travel at rest, without the swing [rad or m]
-JUDGED_WAY = 4
 
 # Samples stored of each joint, from which velocities are estimated.
 HISTORY = 16
@@ -101,10 +166,10 @@ class Watch(NamedTuple):
 
     Attributes:
         stamps: Stamp of each robot's measurement, shape (r,) [s].
-        given: See NOW_TIME, shape (GIVEN,).
+        given: Input of the cycle.
         velocity: Measured joint velocities, if given, shape (n,).
-        last: See LAST_NOW, shape (LAST,).
-        pace: See PERIOD, shape (PACE,).
+        last: Times of the last cycle, and a reason to stop.
+        timing: Declared times of the loop.
         last_stamp: Stamp of each robot's last sample, shape (r,) [s].
         sample_count: Count of samples in each robot's history, shape (r,).
         sample_t: Stamps of these samples, newest first, shape (r, HISTORY) [s].
@@ -167,14 +232,13 @@ class Watch(NamedTuple):
         judged_left: Headroom of each of these pairs; -inf if it cannot be re-used,
             shape (k,) [m].
         judged_count: Count of these pairs; -1 if there were too many, shape (1,).
-        judged_ways: Stop of each joint that they were judged for, in its positive and
-            its negative direction, see WAY, shape (2 · PLANS · n, JUDGED_WAY).
+        judged_stops: Stop of each joint that they were judged for, in its positive and
+            its negative direction, shape (2 · PLANS · n,).
         judged_clock: Clocks of these stops, shape (PLANS · r, CLOCK).
         judged_settled: Time from now until these stops have settled, shape (1,) [s].
         grown: Additional travel of each primitive since then, shape (m,) [m].
         yields: 1 where a robot may be slowed before it is stopped, shape (r,).
-        stuck: Repeated position of each joint and its commands meanwhile, see
-            STUCK_AT, shape (n, STUCK_ROW).
+        stuck: Repeated position of each joint and its commands meanwhile, shape (n,).
         looked_at: Stamp of each robot's last test for stuck sensors, shape (r,) [s].
         may_stand: 1 for a joint of a finger, which an object may block, shape (n,).
         followed: Least and greatest velocity of each joint if its drive has at most
@@ -182,8 +246,7 @@ class Watch(NamedTuple):
         delays: Observed lower bound of the delay of each robot's drives, (r,) [s].
         relief_until: Time until which `relief` includes the travel of a moving object,
             shape (r,) [s].
-        agreement: Consistency of each joint's velocities and positions, see LATEST,
-            shape (n, AGREEMENT).
+        agreement: Consistency of each joint's velocities and positions, shape (n,).
         doubt: Reason why the last sighting of each primitive was refused, 0 if it was
             accepted, shape (p,) or (0,).
         sighted_at: Stamp of the last accepted sighting of each primitive; -inf if
@@ -195,10 +258,10 @@ class Watch(NamedTuple):
     """
 
     stamps: Vector
-    given: Vector
+    given: Given
     velocity: Vector
-    last: Vector
-    pace: Vector
+    last: LastCycle
+    timing: Timing
     last_stamp: Vector
     sample_count: LongVector
     sample_t: Matrix
@@ -251,18 +314,18 @@ class Watch(NamedTuple):
     judged_pairs: LongMatrix
     judged_left: Vector
     judged_count: LongVector
-    judged_ways: Matrix
+    judged_stops: Annotated[Records[JudgedStop], 1]
     judged_clock: Matrix
     judged_settled: Vector
     grown: Vector
     yields: LongVector
-    stuck: Matrix
+    stuck: Annotated[Records[Repeated], 1]
     looked_at: Vector
     may_stand: LongVector
     followed: Matrix
     delays: Vector
     relief_until: Vector
-    agreement: Matrix
+    agreement: Annotated[Records[Agreement], 1]
     doubt: LongVector
     sighted_at: Vector
     object_stale: Vector

@@ -5,18 +5,20 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.grips import Grips
+from armguard.guard.layout import Header, NearRow, RobotRow
 from armguard.guard.watch import Watch
 from armguard.index.octree_state import OctreeState
 from armguard.index.world import World
 from armguard.motion.state import Motion
+from armguard.record import Records, record
 from armguard.table import (
     TABLE,
     ByteMatrix,
     ByteVector,
     IntMatrix,
     IntVector,
-    LongMatrix,
     LongVector,
     Matrix,
     Vector,
@@ -28,6 +30,23 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
+
+
+@record
+class Measured:
+    """Distance of the exact shapes of two links, measured in a cycle.
+
+    Attributes:
+        key_a: Key of side A, see `refine_pair`.
+        key_b: Key of side B.
+        cycle: The cycle.
+        witness: Witness row.
+    """
+
+    key_a: int
+    key_b: int
+    cycle: int
+    witness: Annotated[Floats, (WITNESS_WIDTH,)]
 
 
 @table
@@ -58,14 +77,17 @@ class Workspace(NamedTuple):
         moved: 1 where a primitive belongs to such a body, shape (p,).
         candidates: Scratch for ids of primitives, shape (p,).
         seen: Scratch of the index: token of the last query, shape (p,).
-        kept: Rows of near pairs of the last valid cycle, shape (k, NEAR_WIDTH).
+        kept: Rows of near pairs of the last valid cycle, shape (k,).
         memory: Integers carried between cycles, see `memory`, shape (MEMORY,).
         out: Answer, see `layout`, shape (first row + k · NEAR_WIDTH,).
+        header: Its header, in the same memory.
+        robots: Its rows of the robots, likewise, shape (r,) or (0,).
+        escape: Its escape directions in joint space, likewise, shape (n,) or (0,).
+        near: Its rows of the near pairs, likewise, shape (k,).
         exact_of: See `ExactTables`, from here to `exact_rows`.
         exact_kinds: Kinds of the exact shapes.
         exact_rows: Exact shapes in the frames of their bodies.
-        memo: Keys of cached exact distances, see `refine`, (MEMO_SIZE, MEMO_WIDTH).
-        memo_rows: Cached witness rows, shape (MEMO_SIZE, 10).
+        memo: Cached distances of exact shapes, see `refine`, shape (MEMO_SIZE,).
         planes: Keys of pairs with a separating plane, see `planes`, (PLANE_COUNT,).
         normals: Normals of these planes, shape (PLANE_COUNT, 3).
         look: Upper bound of the static need of any pair, shape (1,) [m].
@@ -98,14 +120,17 @@ class Workspace(NamedTuple):
     moved: ByteVector
     candidates: IntVector
     seen: LongVector
-    kept: Matrix
+    kept: Annotated[Records[NearRow], 1]
     memory: LongVector
     out: Vector
+    header: Header
+    robots: Annotated[Records[RobotRow], 1]
+    escape: Vector
+    near: Annotated[Records[NearRow], 1]
     exact_of: IntMatrix
     exact_kinds: IntVector
     exact_rows: Matrix
-    memo: LongMatrix
-    memo_rows: Matrix
+    memo: Annotated[Records[Measured], 1]
     planes: LongVector
     normals: Matrix
     look: Vector

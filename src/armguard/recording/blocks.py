@@ -18,15 +18,8 @@ import zstandard
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.recording.frames import (
-    DATA,
-    POSES,
-    TEXT,
-    VERDICT,
-    put_text,
-    sections,
-    words,
-)
+from armguard.guard.layout import IN_HEADER
+from armguard.recording.frames import IN_FRAME, put_text, sections, words
 from armguard.recording.mcap_file import unpacked
 
 Floats = NDArray[np.float64]
@@ -59,7 +52,7 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
         whole: Whether all near pairs and poses are kept.
     """
     *_, sent, verdict, poses, text = sections(row)
-    size = words(int(row[TEXT]))
+    size = words(int(row[IN_FRAME.text]))
     digest = digest_of(row[verdict:poses], row[sent:verdict])
     tail = np.zeros(1)
     put_text(digest, tail)
@@ -68,18 +61,18 @@ def kept_cycle(row: Floats, first_row: int, whole: bool) -> Floats:
     else:
         first = verdict + min(first_row, poses - verdict)
         pair = np.zeros(layout.NEAR_WIDTH)
-        nearest = int(row[verdict + layout.NEAREST])
+        nearest = int(row[verdict + IN_HEADER.nearest])
         start = first + nearest * layout.NEAR_WIDTH
         if nearest >= 0 and start + layout.NEAR_WIDTH <= poses:
             pair = row[start : start + layout.NEAR_WIDTH]
         rest = row[text : text + size]
         kept = np.concatenate((row[:first], pair, rest, tail))
-        kept[VERDICT] = first - verdict + layout.NEAR_WIDTH
-        kept[POSES] = 0.0
+        kept[IN_FRAME.verdict] = first - verdict + layout.NEAR_WIDTH
+        kept[IN_FRAME.poses] = 0.0
         if nearest >= 0:
-            kept[verdict + layout.NEAREST] = 0.0
-            kept[verdict + layout.NEAR_COUNT] = 1.0
-    kept[DATA] = DIGEST
+            kept[verdict + IN_HEADER.nearest] = 0.0
+            kept[verdict + IN_HEADER.near_count] = 1.0
+    kept[IN_FRAME.data] = DIGEST
     return kept
 
 

@@ -16,33 +16,42 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import accumulate, pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.record import indices
+
 Floats = NDArray[np.float64]
 
-# Places in the header. Numbers of words follow where sections differ in length.
-KIND = 0
-CYCLE = 1  # number of the cycle; of what is no cycle, of the next one
-MONOTONIC = 2  # when it was written, on the machine's monotonic clock [s]
-WALL = 3  # the same on its wall clock [s]
-FORM = 4
-NOW = 5  # time of the cycle that the guard was given, NaN if none [s]
-HAS_VELOCITY = 6
-RECEIVED = 7  # when what the cycle was asked with came in, monotonic, NaN if unknown
-ENDED = 8  # when the cycle had been judged, monotonic [s]
-CYCLE_TIME = 9  # [s]
-JOINTS = 10
-ROBOTS = 11
-ASKED = 12
-TOLD = 13
-VERDICT = 14
-POSES = 15
-TEXT = 16  # length of the text [bytes]
-DATA = 17  # length of the data [bytes]
-HEADER = 18
+
+class Header(NamedTuple):
+    """Header of a frame; whole numbers are float64 too, as recordings hold them."""
+
+    kind: float  # see `Kind`
+    cycle: float  # number of the cycle; of what is no cycle, of the next one
+    monotonic: float  # when it was written, on the machine's monotonic clock [s]
+    wall: float  # the same on its wall clock [s]
+    form: float  # see `Form`
+    now: float  # time of the cycle that the guard was given, NaN if none [s]
+    has_velocity: float  # 1 if velocities were measured
+    received: float  # when the cycle's request came in, monotonic, NaN if unknown [s]
+    ended: float  # when the cycle had been judged, monotonic [s]
+    cycle_time: float  # what judging it took [s]
+    # Lengths of the sections that follow, in words; of text and data in bytes.
+    joints: float
+    robots: float
+    asked: float
+    told: float
+    verdict: float
+    poses: float
+    text: float
+    data: float
+
+
+# Words of the header, and the index of each field.
+HEADER, IN_FRAME = len(Header._fields), indices(Header)
 
 
 class Kind(IntEnum):
@@ -113,9 +122,9 @@ def frame_of(row: Floats) -> Frame:
     """
     if len(row) < HEADER:
         raise ValueError(f"a frame of {len(row)} numbers has no header")
-    head = row[:HEADER]
-    kind = Kind(int(head[KIND]))
-    size, more = int(head[TEXT]), int(head[DATA])
+    head = Header(*row[:HEADER].tolist())
+    kind = Kind(int(head.kind))
+    size, more = int(head.text), int(head.data)
     ends = sections(row)
     whole = ends[-1] + words(size) + words(more)
     if sorted(ends) != ends or min(size, more) < 0 or whole != len(row):
@@ -123,19 +132,19 @@ def frame_of(row: Floats) -> Frame:
     q, velocity, stamps, asked, told, verdict, poses = (
         row[start:end] for start, end in pairwise(ends)
     )
-    now, text = float(head[NOW]), row[ends[-1] :].tobytes()[:size]
+    text = row[ends[-1] :].tobytes()[:size]
     return Frame(
         kind=kind,
-        cycle=int(head[CYCLE]),
-        monotonic=float(head[MONOTONIC]),
-        wall=float(head[WALL]),
-        form=Form(int(head[FORM])),
-        now=None if np.isnan(now) else now,
-        received=float(head[RECEIVED]),
-        ended=float(head[ENDED]),
-        cycle_time=float(head[CYCLE_TIME]),
+        cycle=int(head.cycle),
+        monotonic=head.monotonic,
+        wall=head.wall,
+        form=Form(int(head.form)),
+        now=None if np.isnan(head.now) else head.now,
+        received=head.received,
+        ended=head.ended,
+        cycle_time=head.cycle_time,
         q=q,
-        velocity=velocity if head[HAS_VELOCITY] else None,
+        velocity=velocity if head.has_velocity else None,
         stamps=stamps,
         asked=asked,
         told=told,
@@ -148,8 +157,8 @@ def frame_of(row: Floats) -> Frame:
 
 def sections(row: Floats) -> list[int]:
     """Where q, velocity, stamps, asked, told, verdict, poses and the text begin."""
-    lengths = row[[JOINTS, JOINTS, ROBOTS, ASKED, TOLD, VERDICT, POSES]].tolist()
-    return [*accumulate(map(int, lengths), initial=HEADER)]
+    n, *lengths = map(int, row[IN_FRAME.joints : IN_FRAME.text].tolist())
+    return [*accumulate((n, n, *lengths), initial=HEADER)]
 
 
 def words(size: int) -> int:
@@ -182,8 +191,8 @@ def text_frame(
     row = room(ends + words(len(data)))
     row[:HEADER] = 0.0
     row[:4] = kind, cycle, monotonic, wall
-    row[NOW] = row[RECEIVED] = row[ENDED] = np.nan
-    row[TEXT], row[DATA] = len(told), len(data)
+    row[[IN_FRAME.now, IN_FRAME.received, IN_FRAME.ended]] = np.nan
+    row[[IN_FRAME.text, IN_FRAME.data]] = len(told), len(data)
     put_text(told, row[HEADER:ends])
     put_text(data, row[ends:])
     return row

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.answer import Names, names_of
+from armguard.guard.layout import IN_HEADER, IN_NEAR
 from armguard.guard.levels import Level, Reason
 from armguard.guard.verdict import Verdict
 from armguard.recording import ros
-from armguard.recording.frames import HEADER, JOINTS, ROBOTS, TOLD, frame_of, sections
+from armguard.recording.frames import HEADER, IN_FRAME, frame_of, sections
 from armguard.recording.palette import ORANGE, PURPLE, SKY
 from armguard.recording.ros import Stored
 from armguard.scene.archive import ArchiveError, scene_of
@@ -53,17 +54,21 @@ class Summary:
     def __init__(self, row: Floats, first_row: int) -> None:
         *_, verdict, poses, _ = sections(row)
         numbers = row[verdict:poses]
-        reason = Reason(int(numbers[layout.REASON]))
+        reason = Reason(int(numbers[IN_HEADER.reason]))
         guarded = first_row > layout.HEADER and len(numbers) >= first_row
-        ends = layout.HEADER + (int(row[ROBOTS]) * layout.ROBOT_WIDTH if guarded else 0)
+        ends = layout.HEADER + (
+            int(row[IN_FRAME.robots]) * layout.ROBOT_WIDTH if guarded else 0
+        )
         own = numbers[layout.HEADER : ends : layout.ROBOT_WIDTH]
         self.levels = tuple(int(x) for x in own) or (int(reason.level),)
         self.level = max(int(reason.level), *self.levels)
-        self.time_left = float(numbers[layout.LEAST_TIME_LEFT]) if guarded else np.inf
-        nearest = int(numbers[layout.NEAREST])
+        self.time_left = (
+            float(numbers[IN_HEADER.least_time_left]) if guarded else np.inf
+        )
+        nearest = int(numbers[IN_HEADER.nearest])
         self.headroom = np.inf
         if nearest >= 0:
-            at = first_row + nearest * layout.NEAR_WIDTH + layout.HEADROOM
+            at = first_row + nearest * layout.NEAR_WIDTH + IN_NEAR.headroom
             self.headroom = float(numbers[at])
 
 
@@ -110,7 +115,7 @@ class MessageMaker:
 
     def _motion(self, row: Floats, time: int) -> Iterator[Stored]:
         """Positions and velocities of the joints, measured and commanded."""
-        n, (*_, sent, verdict, _, _) = int(row[JOINTS]), sections(row)
+        n, (*_, sent, verdict, _, _) = int(row[IN_FRAME.joints]), sections(row)
         measured, names = row[HEADER : HEADER + 2 * n].reshape(2, n), self._joints
         yield ros.joints(ros.JOINT_STATES, time, names, measured)
         if verdict > sent:
@@ -124,9 +129,9 @@ class MessageMaker:
         pairs = row[verdict + self.first_row : poses]
         pairs = pairs[: len(pairs) // layout.NEAR_WIDTH * layout.NEAR_WIDTH]
         table = pairs.reshape(-1, layout.NEAR_WIDTH)
-        order = np.argsort(table[:, layout.HEADROOM], kind="stable")[:MOST_LINES]
-        rows = table[order, layout.WITNESS : layout.WITNESS + 7]
-        colours = [colour_of(left) for left in table[order, layout.HEADROOM].tolist()]
+        order = np.argsort(table[:, IN_NEAR.headroom], kind="stable")[:MOST_LINES]
+        rows = table[order, IN_NEAR.distance : IN_NEAR.distance + 7]
+        colours = [colour_of(left) for left in table[order, IN_NEAR.headroom].tolist()]
         label = f"{rows[0, 0] * 1e3:.0f} mm" if len(rows) else ""
         return ros.markers(time, rows[:, 1:].reshape(-1, 2, 3), colours, label)
 
@@ -169,7 +174,9 @@ def maker_of(about: Mapping[str, Any], archive: bytes) -> MessageMaker | None:
 
 def nameless(row: Floats) -> MessageMaker:
     """A maker of messages of a scene that is not known, from the frame of a cycle."""
-    n, r = int(row[JOINTS]), int(row[ROBOTS])
-    first = layout.HEADER + (r * layout.ROBOT_WIDTH + n if row[TOLD] > 0 else 0)
+    n, r = int(row[IN_FRAME.joints]), int(row[IN_FRAME.robots])
+    first = layout.HEADER + (
+        r * layout.ROBOT_WIDTH + n if row[IN_FRAME.told] > 0 else 0
+    )
     joints = [f"joint{k + 1}" for k in range(n)]
     return MessageMaker(joints, [f"robot{k + 1}" for k in range(r)], None, first)

@@ -184,7 +184,7 @@ class Recorder:
     def take(self, row: Floats) -> None:
         """Take the next frame."""
         self._set_clock(row)
-        kind = int(row[frames.KIND])
+        kind = int(row[frames.IN_FRAME.kind])
         if kind == Kind.CYCLE:
             self._take_cycle(row)
             return
@@ -361,7 +361,7 @@ class Recorder:
 
     def _set_clock(self, row: Floats) -> None:
         """Take the time of a frame: a wall clock that never goes back."""
-        self._now = float(row[frames.MONOTONIC])
+        self._now = float(row[frames.IN_FRAME.monotonic])
         if self._offset is None:
-            self._offset = float(row[frames.WALL]) - self._now
+            self._offset = float(row[frames.IN_FRAME.wall]) - self._now
         self._time = max(self._time, int((self._offset + self._now) * 1e9))

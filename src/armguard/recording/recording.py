@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError, RecordingError
 from armguard.guard import layout
+from armguard.guard.layout import IN_HEADER
 from armguard.recording.blocks import unpack_block
 from armguard.recording.frames import Form, Frame, Kind, frame_of
 from armguard.recording.mcap_file import attachment, chunks, messages, span_of
@@ -42,11 +43,11 @@ MOST_NAMES = 4096
 
 # Places of an answer that hold whole numbers.
 WHOLE_PLACES = (
-    layout.REASON,
-    layout.JOINT,
-    layout.ROBOT,
-    layout.NEAREST,
-    layout.NEAR_COUNT,
+    IN_HEADER.reason,
+    IN_HEADER.joint,
+    IN_HEADER.robot,
+    IN_HEADER.nearest,
+    IN_HEADER.near_count,
 )
 
 # The layout of recordings that do not name one.
@@ -271,7 +272,7 @@ def trimmed(frame: Frame) -> Frame:
     numbers = frame.verdict
     if frame.kind is not Kind.CYCLE or frame.poses.size or len(numbers) == 0:
         return frame
-    if numbers[layout.NEAR_COUNT] > 0:
+    if numbers[IN_HEADER.near_count] > 0:
         return frame
     return replace(frame, verdict=numbers[: -layout.NEAR_WIDTH])
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError
-from armguard.guard import layout
 from armguard.guard.answer import first_row_of
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import ORDERED, Reason
 from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
@@ -294,8 +294,8 @@ def difference(frame: Frame, verdict: Verdict, sent: Floats, guard: Guard) -> st
     """
     was, now = frame.verdict, verdict.numbers
     robots = [part.name for part in guard.tables.robots]
-    if was[layout.REASON] != now[layout.REASON]:
-        then = Reason(int(was[layout.REASON]))
+    if was[IN_HEADER.reason] != now[IN_HEADER.reason]:
+        then = Reason(int(was[IN_HEADER.reason]))
         return f"it was {then.name} and is {verdict.reason.name} ({verdict.why})"
     n, names = len(guard.q_names), guard.q_names
     for k in np.flatnonzero(different(frame.told, sent)).tolist():
@@ -308,13 +308,9 @@ def difference(frame: Frame, verdict: Verdict, sent: Floats, guard: Guard) -> st
     if len(frame.told) != len(sent):
         return f"{len(frame.told)} numbers were commanded and are {len(sent)}"
     ends = min(len(was), len(now), first_row_of(guard.tables))
-    places = {
-        value: name.lower().replace("_", " ")
-        for name, value in vars(layout).items()
-        if name.isupper() and name != "LAYOUT" and value < layout.TERMS
-    }
+    places = {k: name.replace("_", " ") for name, k in vars(IN_HEADER).items()}
     for k in np.flatnonzero(different(was[:ends], now[:ends])).tolist():
-        if not frame.poses.size and k in (layout.NEAR_COUNT, layout.NEAREST):
+        if not frame.poses.size and k in (IN_HEADER.near_count, IN_HEADER.nearest):
             # Recorded without its other pairs.
             continue
         what = places.get(k, f"number {k} of the verdict")

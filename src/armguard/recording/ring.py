@@ -19,25 +19,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import RingError
+from armguard.record import dtype_of
 
 Floats = NDArray[np.float64]
 
-# The first words of the file, int64; the others are the ring's.
-MAGIC = 0
-CAPACITY = 1  # words of the ring
-HEAD = 2  # where the next record starts, counted in words from the first one ever
-TAIL = 3  # where the oldest record starts that is still whole
-LAST = 4  # where the newest record starts, NONE before there is one
-COUNT = 5  # records written
-CLOSED = 6  # 1 after the writer said that no more follow
-WORDS = 8
+
+class Head:
+    """The first words of the file; the others are the ring's."""
+
+    magic: int
+    capacity: int  # words of the ring
+    head: int  # where the next record starts, counted in words from the first one ever
+    tail: int  # where the oldest record starts that is still whole
+    last: int  # where the newest record starts, NONE before there is one
+    written: int  # records written
+    closed: int  # 1 after the writer said that no more follow
+    reserved: int
+
+
+HEAD = dtype_of(Head)
+WORDS = HEAD.itemsize // 8
 
 OURS = 0x41524D475249_01
 NONE = -1
 
 # Before each record: where it starts, its number, and how many words it has; after it
 # where it starts once more. A place whose number is SKIP is empty up to the ring's end.
-START, NUMBER, LENGTH = 0, 1, 2
 BEFORE, AFTER = 3, 1
 SKIP = -1
 
@@ -85,7 +92,7 @@ class RingWriter:
             raise RingError(
                 f"{path}: no ring of {size >> 20} MiB can be made: {error.strerror}"
             ) from error
-        self._head = np.frombuffer(self._map, np.int64, WORDS)
+        self._head = np.frombuffer(self._map, HEAD, 1)[0]
         self._words = np.frombuffer(self._map, np.float64, capacity, WORDS * 8)
         self._marks = np.frombuffer(self._map, np.int64, capacity, WORDS * 8)
         self._capacity = capacity
@@ -93,8 +100,8 @@ class RingWriter:
         self._count = 0
         # Touched now, so that the loop meets no page that is not there yet.
         self._words.fill(0.0)
-        self._head[CAPACITY], self._head[LAST] = capacity, NONE
-        self._head[MAGIC] = OURS
+        self._head["capacity"], self._head["last"] = capacity, NONE
+        self._head["magic"] = OURS
 
     def reserve(self, length: int) -> Floats:
         """Room for the next record, to be filled and then committed, shape (length,).
@@ -123,17 +130,15 @@ class RingWriter:
         place = self._at % self._capacity
         length = self._length
         marks = self._marks
-        marks[place + START] = self._at
-        marks[place + NUMBER] = self._count
-        marks[place + LENGTH] = length
+        marks[place : place + BEFORE] = self._at, self._count, length
         marks[place + BEFORE + length] = self._at
         start = self._at
         self._at += BEFORE + length + AFTER
         self._count += 1
         head = self._head
-        head[COUNT] = self._count
-        head[LAST] = start
-        head[HEAD] = self._at
+        head["written"] = self._count
+        head["last"] = start
+        head["head"] = self._at
 
     def append(self, record: Floats) -> None:
         """Write a record, shape (k,)."""
@@ -144,7 +149,7 @@ class RingWriter:
         """Tell readers that no more follow, and remove the file's name."""
         if self._map.closed:
             return
-        self._head[CLOSED] = 1
+        self._head["closed"] = 1
         self.path.unlink(missing_ok=True)
         del self._head, self._words, self._marks
         try:
@@ -155,7 +160,7 @@ class RingWriter:
 
     def _make_room(self, end: int) -> None:
         """Give up the oldest records, as far as one that ends there needs it."""
-        tail = int(self._head[TAIL])
+        tail = int(self._head["tail"])
         oldest = end - self._capacity
         if tail >= oldest:
             return
@@ -166,7 +171,7 @@ class RingWriter:
             if left >= BEFORE:
                 _, number, length = self._marks[place : place + BEFORE].tolist()
             tail += left if number == SKIP else BEFORE + length + AFTER
-        self._head[TAIL] = tail
+        self._head["tail"] = tail
 
 
 class RingReader:
@@ -193,20 +198,20 @@ class RingReader:
             raise RingError(f"{path}: no ring is there: {error}") from error
         if len(self._map) < WORDS * 8:
             raise RingError(f"{path}: this is no ring")
-        self._head = np.frombuffer(self._map, np.int64, WORDS)
-        capacity = int(self._head[CAPACITY])
-        if self._head[MAGIC] != OURS or len(self._map) != (WORDS + capacity) * 8:
+        self._head = np.frombuffer(self._map, HEAD, 1)[0]
+        capacity = int(self._head["capacity"])
+        if self._head["magic"] != OURS or len(self._map) != (WORDS + capacity) * 8:
             raise RingError(f"{path}: this is no ring")
         self._capacity = capacity
         self._words = np.frombuffer(self._map, np.float64, capacity, WORDS * 8)
         self._marks = np.frombuffer(self._map, np.int64, capacity, WORDS * 8)
-        self._at = int(self._head[HEAD if newest else TAIL])
-        self._next = int(self._head[COUNT])
+        self._at = int(self._head["head" if newest else "tail"])
+        self._next = int(self._head["written"])
         self.lost = 0
-        while not newest and self._at < int(self._head[HEAD]):
+        while not newest and self._at < int(self._head["head"]):
             found = self._copy(self._at)
             if found is None:
-                self._at = int(self._head[TAIL])
+                self._at = int(self._head["tail"])
             elif found[0] == SKIP:
                 self._at = found[2]
             else:
@@ -216,16 +221,16 @@ class RingReader:
     @property
     def closed(self) -> bool:
         """Whether the writer said that no more follow."""
-        return bool(self._head[CLOSED])
+        return bool(self._head["closed"])
 
     @property
     def written(self) -> int:
         """Records written so far."""
-        return int(self._head[COUNT])
+        return int(self._head["written"])
 
     def latest(self) -> Floats | None:
         """The newest record, a copy; None before there is one."""
-        while (at := int(self._head[LAST])) != NONE:
+        while (at := int(self._head["last"])) != NONE:
             found = self._copy(at)
             if found is not None:
                 return found[1]
@@ -233,11 +238,11 @@ class RingReader:
 
     def unread(self) -> Iterator[Floats]:
         """Records not read yet, in order, copies, as far as there are any now."""
-        while self._at < int(self._head[HEAD]):
+        while self._at < int(self._head["head"]):
             found = self._copy(self._at)
             if found is None:
                 # Overwritten meanwhile: go on with the oldest one that is whole.
-                self._at = int(self._head[TAIL])
+                self._at = int(self._head["tail"])
                 continue
             number, record, self._at = found
             if number == SKIP:
@@ -262,7 +267,7 @@ class RingReader:
         if left < BEFORE:
             return SKIP, nothing, at + left
         start, number, length = self._marks[place : place + BEFORE].tolist()
-        if start != at or int(self._head[TAIL]) > at:
+        if start != at or int(self._head["tail"]) > at:
             return None
         if number == SKIP:
             return SKIP, nothing, at + left
@@ -270,7 +275,7 @@ class RingReader:
         if not 0 <= length <= left - BEFORE - AFTER:
             return None
         record = self._words[place + BEFORE : end].copy()
-        if self._marks[end] != at or int(self._head[TAIL]) > at:
+        if self._marks[end] != at or int(self._head["tail"]) > at:
             return None
         return number, record, at + BEFORE + length + AFTER
 

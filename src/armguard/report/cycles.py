@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armguard.guard import layout
 from armguard.guard.answer import Names
+from armguard.guard.layout import IN_HEADER, IN_NEAR, IN_ROBOT
 from armguard.guard.levels import Level, Reason
 from armguard.recording.frames import Frame
 from armguard.report.formatting import duration
@@ -102,24 +103,27 @@ def block_of(frames: list[Frame], names: Names, begin: float) -> Block:
     rows.cycle = [frame.cycle for frame in frames]
     rows.cycle_time = [frame.cycle_time for frame in frames]
     rows.answer = ended - received
-    rows.reason = head[:, layout.REASON]
-    rows.levels = own[:, :, layout.ROBOT_LEVEL]
+    rows.reason = head[:, IN_HEADER.reason]
+    rows.levels = own[:, :, IN_ROBOT.level]
     rows.level = np.maximum(LEVEL_OF[rows.reason], rows.levels.max(axis=1, initial=0))
-    rows.ages = own[:, :, layout.ROBOT_AGE]
-    rows.time_left = head[:, layout.LEAST_TIME_LEFT] if robots else np.inf
+    rows.ages = own[:, :, IN_ROBOT.age]
+    rows.time_left = head[:, IN_HEADER.least_time_left] if robots else np.inf
     rows.headroom = rows.distance = np.inf
     rows.whole = [len(frame.poses) > 0 for frame in frames]
     near, sizes = [np.zeros((0, layout.NEAR_WIDTH))], np.zeros(count, dtype=np.int64)
-    for k in np.flatnonzero(head[:, layout.NEAR_COUNT] >= 1.0).tolist():
-        wanted, nearest = int(head[k, layout.NEAR_COUNT]), int(head[k, layout.NEAREST])
+    for k in np.flatnonzero(head[:, IN_HEADER.near_count] >= 1.0).tolist():
+        wanted, nearest = (
+            int(head[k, IN_HEADER.near_count]),
+            int(head[k, IN_HEADER.nearest]),
+        )
         tail = frames[k].verdict[first:]
         held = sizes[k] = min(len(tail) // layout.NEAR_WIDTH, wanted)
         near.append(tail[: held * layout.NEAR_WIDTH].reshape(held, layout.NEAR_WIDTH))
         rows.whole[k] &= held == wanted
         if nearest >= 0:
             pair = near[-1][nearest if nearest < held else 0] if held else None
-            rows.headroom[k] = np.nan if pair is None else pair[layout.HEADROOM]
-            rows.distance[k] = np.nan if pair is None else pair[layout.WITNESS]
+            rows.headroom[k] = np.nan if pair is None else pair[IN_NEAR.headroom]
+            rows.distance[k] = np.nan if pair is None else pair[IN_NEAR.distance]
     return Block(frames, rows, np.concatenate(near), np.repeat(np.arange(count), sizes))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armguard.guard.answer import Names, names_of
-from armguard.guard.layout import REASON
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Level, Reason
 from armguard.recording.frames import Frame, Kind
 from armguard.recording.recording import Recording, reading
@@ -251,7 +251,7 @@ def own_cycles(
             or len(frame.verdict) < names.first_row
         ):
             foreign += 1
-        elif frame.verdict[REASON] not in KNOWN:
+        elif frame.verdict[IN_HEADER.reason] not in KNOWN:
             unknown += 1
         else:
             yield frame

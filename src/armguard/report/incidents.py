@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 
 from armguard.guard.answer import Names
-from armguard.guard.layout import (
-    FIRST,
-    HEADROOM,
-    NEAR_COUNT,
-    NEAR_WIDTH,
-    PROOF,
-    SECOND,
-    WITNESS,
-)
+from armguard.guard.layout import IN_HEADER, IN_NEAR, NEAR_WIDTH
 from armguard.guard.levels import Level, Reason
 from armguard.guard.nuisance import Cause
 from armguard.guard.sentences import ABOUT_PAIRS
@@ -92,7 +84,7 @@ def text_of(frame: Frame, names: Names) -> VerdictText:
     fault = str(frame.text.get("fault", ""))
     verdict = Verdict(frame.verdict, names, None, frame.cycle_time, fault)
     reason, level = verdict.reason, verdict.level
-    rows = int(frame.verdict[NEAR_COUNT])
+    rows = int(frame.verdict[IN_HEADER.near_count])
     if len(frame.verdict) < names.first_row + rows * NEAR_WIDTH:
         why = fault or f"{reason.sentence} (near pairs are not in the recording)"
         return VerdictText(level, reason, "", why)
@@ -283,24 +275,28 @@ class ClosestPairs:
     def add(self, block: Block) -> None:
         """Take in a block."""
         near, rows, count = block.near, block.rows, len(self._bodies)
-        a = self._body_of[near[:, FIRST].astype(np.int64)]
-        b = self._body_of[near[:, SECOND].astype(np.int64)]
-        contract = near[:, PROOF] == ALLOWED
+        a = self._body_of[near[:, IN_NEAR.first].astype(np.int64)]
+        b = self._body_of[near[:, IN_NEAR.second].astype(np.int64)]
+        contract = near[:, IN_NEAR.proof] == ALLOWED
         key = 2 * (np.minimum(a, b) * count + np.maximum(a, b)) + contract
         pairs, of_pair = np.unique(key, return_inverse=True)
-        nearest = least_in_each(near[:, WITNESS], of_pair)
+        nearest = least_in_each(near[:, IN_NEAR.distance], of_pair)
         headroom = np.full(len(pairs), np.inf)
-        np.minimum.at(headroom, of_pair, near[:, HEADROOM])
+        np.minimum.at(headroom, of_pair, near[:, IN_NEAR.headroom])
         # A cycle counts once for two bodies, however many of their primitives are near.
         seen = np.unique(of_pair * len(rows) + block.owner) // len(rows)
         cycles = np.bincount(seen, minlength=len(pairs))
-        open_ones = near[:, PROOF] == UNPROVEN
+        open_ones = near[:, IN_NEAR.proof] == UNPROVEN
         nothing = np.unique(of_pair[open_ones] * len(rows) + block.owner[open_ones])
         unproven = np.bincount(nothing // len(rows), minlength=len(pairs))
         for n, (pair, k) in enumerate(zip(pairs.tolist(), nearest, strict=True)):
             row = rows[block.owner[k]]
             new = Closest(
-                *(self._bodies[a[k]], self._bodies[b[k]], float(near[k, WITNESS])),
+                *(
+                    self._bodies[a[k]],
+                    self._bodies[b[k]],
+                    float(near[k, IN_NEAR.distance]),
+                ),
                 *(float(row.t), int(row.cycle), float(headroom[n])),
                 *(int(cycles[n]), bool(contract[k]), int(unproven[n])),
             )

@@ -9,25 +9,19 @@ from math import inf, isfinite, nan, sqrt
 from armguard.guard.commands import time_passed
 from armguard.guard.filtered_cycle import close_cycle
 from armguard.guard.intent import read_intents
-from armguard.guard.layout import NEAR_COUNT, NEAR_WIDTH
+from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     AT_REST,
     AT_WORK,
-    FORCED,
     GIVES_UP,
     LEAVES,
-    PERIOD,
     RECOVERING,
     RESTING,
     RUNNING,
     Watch,
 )
-from armguard.guard.workspace import (
-    FIRST_ROW,
-    INTENTS,
-    Workspace,
-)
+from armguard.guard.workspace import FIRST_ROW, INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked, Changed
@@ -133,7 +127,7 @@ def take_requested(a: Response, v: Watch, m: Motion) -> None:
     if a.asking[FORM] == STANDSTILL:
         for j in range(a.requested.shape[0]):
             a.requested[j] = a.far[j] = 0.0
-        v.last[FORCED] = a.asking[STOP_REASON]
+        v.last.forced = a.asking[STOP_REASON]
         return
     positions = a.asking[FORM] == POSITIONS
     wrong = False
@@ -146,10 +140,10 @@ def take_requested(a: Response, v: Watch, m: Motion) -> None:
         elif positions:
             way = a.goal[j] - a.held[j]
             a.far[j] = abs(way)
-            speed = speed_to(a.far[j], m.joint_figures[j].deceleration, v.pace[PERIOD])
+            speed = speed_to(a.far[j], m.joint_figures[j].deceleration, v.timing.period)
             a.requested[j] = speed if way > 0.0 else -speed
     if wrong:
-        v.last[FORCED] = WRONG_COMMAND
+        v.last.forced = WRONG_COMMAND
 
 
 @kernel
@@ -193,7 +187,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
     note_leads(judged, a, w)
     note_changes(judged, a, v, m)
     write_command(a, v)
-    return int(w.settings[FIRST_ROW]) + int(w.out[NEAR_COUNT]) * NEAR_WIDTH
+    return int(w.settings[FIRST_ROW]) + int(w.header.near_count) * NEAR_WIDTH
 
 
 @kernel
@@ -217,7 +211,7 @@ def settle_target(
             a.target[j] = a.brake[j]
         moves |= abs(a.target[j]) > NO_REQUEST
     if unsolved != 0 and not tangled:
-        v.last[FORCED] = NO_WAY
+        v.last.forced = NO_WAY
         a.notes[r, BLOCKED] = BLOCKED_NO_WAY
     if a.notes[r, RETREATS] == 0:
         return
@@ -266,7 +260,7 @@ def write_command(a: Response, v: Watch) -> None:
     n = a.held.shape[0]
     for j in range(n):
         a.commanded[j] = v.wanted[j]
-        a.commanded[n + j] = a.held[j] + v.wanted[j] * v.pace[PERIOD]
+        a.commanded[n + j] = a.held[j] + v.wanted[j] * v.timing.period
         a.commanded[2 * n + j] = a.requested[j]
         a.commanded[3 * n + j] = a.far[j]
     robots = a.notes.shape[0]

@@ -12,20 +12,10 @@ satisfies that, the robot stays.
 from math import inf, nan
 
 from armguard.guard.commands import time_passed
-from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND
 from armguard.guard.motion_pairs import asks_index
-from armguard.guard.near_pairs import row_place
 from armguard.guard.needs import robot_of, time_since
-from armguard.guard.watch import (
-    RECOVERING,
-    RESTING,
-    RUNNING,
-    Watch,
-)
-from armguard.guard.workspace import (
-    MOVING_COUNT,
-    Workspace,
-)
+from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
+from armguard.guard.workspace import MOVING_COUNT, Workspace
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, PROVEN
@@ -195,10 +185,10 @@ def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
     """Whether a passing obstacle would stop a robot, which could not evade then."""
     if v.phase[r] != RUNNING or v.must[r] == 0:
         return False
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
-        proof = w.out[place + PROOF]
+    for k in range(int(w.header.near_count)):
+        near = w.near[k]
+        i, j = int(near.first), int(near.second)
+        proof = near.proof
         if robot_of(i, v) != r or proof == PROVEN or proof == ALLOWED:
             continue
         for c in range(e.counts[APPROACHING_COUNT]):

@@ -27,8 +27,6 @@ from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, norm
 from armguard.guard.commands import time_passed
-from armguard.guard.layout import FIRST, NEAR_COUNT, SECOND, WITNESS
-from armguard.guard.near_pairs import row_place
 from armguard.guard.needs import robot_of, static_need
 from armguard.guard.pair_row import pair_row
 from armguard.guard.watch import Watch
@@ -165,9 +163,9 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
         s.push[j] = 0.0
     for r in range(s.weight.shape[0]):
         s.weight[r] = 0.0
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
+    for k in range(int(w.header.near_count)):
+        near = w.near[k]
+        i, j = int(near.first), int(near.second)
         robot_i, robot_j = robot_of(i, v), robot_of(j, v)
         led = s.notes[robot_i, LED] == BY_FIELD
         led |= robot_j >= 0 and s.notes[robot_j, LED] == BY_FIELD
@@ -176,8 +174,8 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
         need = static_need(i, j, w, v, m) + m.blur[i]
         if robot_j >= 0:
             need += m.blur[j]
-        spare = w.out[place + WITNESS] - need
-        pair_row(i, j, place, a.raw, w, m)
+        spare = near.distance - need
+        pair_row(i, j, near, a.raw, w, m)
         for side in range(2):
             r = robot_i if side == 0 else robot_j
             if r < 0 or s.notes[r, LED] != BY_FIELD or (side == 1 and r == robot_i):

@@ -10,14 +10,7 @@ from math import exp
 
 from armguard.guard.commands import time_passed
 from armguard.guard.levels import Reason
-from armguard.guard.watch import (
-    BRAKING,
-    FORCED,
-    LOST,
-    RUNNING,
-    STOPPING,
-    Watch,
-)
+from armguard.guard.watch import BRAKING, LOST, RUNNING, STOPPING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
@@ -213,7 +206,7 @@ def note_leads(judged: int, a: Response, w: Workspace) -> None:
     for r in range(s.notes.shape[0]):
         runs = v.phase[r] == RUNNING
         led = s.notes[r, LED]
-        proven = v.must[r] == 0 and v.last[FORCED] == OK
+        proven = v.must[r] == 0 and v.last.forced == OK
         if runs and proven and led != BY_RETREAT:
             remember_place(r, s, m)
         if runs and led == BY_FIELD:

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard.commands import time_passed
-from armguard.guard.layout import FIRST, NEAR_COUNT, PROOF, SECOND, WITNESS
-from armguard.guard.near_pairs import row_place
+from armguard.guard.layout import NearRow, point_of
 from armguard.guard.needs import object_speed, robot_of, static_need
 from armguard.guard.pair_row import pair_row
 from armguard.guard.relief import SINK
@@ -49,10 +48,10 @@ STRAIGHT = 0.5
 
 @kernel
 def spare_at_rest(
-    i: int, j: int, place: int, w: Workspace, v: Watch, m: Motion
+    i: int, j: int, near: NearRow, w: Workspace, v: Watch, m: Motion
 ) -> float:
     """Headroom that a near pair would have if its robots were at rest now [m]."""
-    spare = w.out[place + WITNESS] - static_need(i, j, w, v, m) - m.blur[i]
+    spare = near.distance - static_need(i, j, w, v, m) - m.blur[i]
     if robot_of(j, v) >= 0:
         return float(spare - m.blur[j])
     return float(spare - object_speed(j, v) * m.span[SETTLED])
@@ -80,15 +79,15 @@ def note_ways_out(a: Response, w: Workspace) -> None:
     v, m = w.watch, w.motion
     for j in range(a.ways_out.shape[0]):
         a.ways_out[j] = 0
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
-        intended = w.out[place + PROOF] == ALLOWED
-        if intended or not spare_at_rest(i, j, place, w, v, m) < SINK:
+    for k in range(int(w.header.near_count)):
+        near = w.near[k]
+        i, j = int(near.first), int(near.second)
+        intended = near.proof == ALLOWED
+        if intended or not spare_at_rest(i, j, near, w, v, m) < SINK:
             continue
         if gets_out_of_its_way(robot_of(i, v), j, v):
             continue
-        pair_row(i, j, place, a.raw, w, m)
+        pair_row(i, j, near, a.raw, w, m)
         for q in range(a.ways_out.shape[0]):
             if abs(a.raw[q]) > NO_ROW:
                 way = -1 if a.raw[q] > 0.0 else 1
@@ -159,15 +158,15 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     share = 0.0
-    for k in range(int(w.out[NEAR_COUNT])):
-        place = row_place(k, w)
-        i, j = int(w.out[place + FIRST]), int(w.out[place + SECOND])
+    for k in range(int(w.header.near_count)):
+        near = w.near[k]
+        i, j = int(near.first), int(near.second)
         if robot_of(i, v) != r and robot_of(j, v) != r:
             continue
-        intended = w.out[place + PROOF] == ALLOWED
-        if intended or not spare_at_rest(i, j, place, w, v, m) < SINK:
+        intended = near.proof == ALLOWED
+        if intended or not spare_at_rest(i, j, near, w, v, m) < SINK:
             continue
-        pair_row(i, j, place, a.raw, w, m)
+        pair_row(i, j, near, a.raw, w, m)
         opening = missed = 0.0
         for q in range(first, end):
             opening -= a.raw[q] * a.target[q]
@@ -175,7 +174,7 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
         if not opening > 0.0:
             return inf
         if object_speed(j, v) > 0.0 and robot_of(j, v) < 0:
-            speed = point_speed(i, place, a.target, w, m)
+            speed = point_speed(i, near, a.target, w, m)
             if not opening >= STRAIGHT * speed:
                 return inf
         share = max(share, SURELY * missed / opening)
@@ -183,10 +182,12 @@ def sure_share(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> float:
 
 
 @kernel
-def point_speed(i: int, place: int, target: Floats, w: Workspace, m: Motion) -> float:
+def point_speed(
+    i: int, near: NearRow, target: Floats, w: Workspace, m: Motion
+) -> float:
     """Speed of a pair's witness point on a robot at given joint velocities [m/s]."""
-    at, body = place + WITNESS, w.bodies[i]
-    point = (w.out[at + 1], w.out[at + 2], w.out[at + 3])
+    body = w.bodies[i]
+    point = point_of(near, 0)
     x = y = z = 0.0
     for c in range(m.length[body]):
         b = m.joints[body, c]

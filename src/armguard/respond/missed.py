@@ -8,7 +8,7 @@ compensated.
 from math import exp
 
 from armguard.guard.commands import time_passed
-from armguard.guard.watch import HAS_VELOCITY, RECOVERING, RUNNING, Watch
+from armguard.guard.watch import RECOVERING, RUNNING, Watch
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.state import Response
@@ -37,7 +37,7 @@ def note_missed(a: Response, v: Watch, m: Motion) -> None:
             a.missed[j] = 0.0
             continue
         speed = 0.5 * (m.v_low[j] + m.v_high[j])
-        if v.given[HAS_VELOCITY] != 0.0:
+        if v.given.has_velocity != 0.0:
             # Pending commands already narrow the bounds, so use the measurement.
             speed = v.velocity[j]
         low, high = v.under_way[j, 0], v.under_way[j, 1]

@@ -29,15 +29,7 @@ from numpy.typing import NDArray
 
 from armguard.guard.commands import time_passed
 from armguard.guard.contracts import contract_of
-from armguard.guard.layout import (
-    FIRST,
-    HEADROOM,
-    NEAR_COUNT,
-    PROOF,
-    SECOND,
-    WITNESS,
-)
-from armguard.guard.near_pairs import row_place
+from armguard.guard.layout import NearRow
 from armguard.guard.needs import robot_of
 from armguard.guard.pair_row import pair_row
 from armguard.guard.relief import SINK
@@ -124,8 +116,8 @@ def add_pairs(a: Response, w: Workspace) -> None:
     if anybody_leaves(a):
         note_ways_out(a, w)
     approaches = reaches_anything(w)
-    for k in range(int(w.out[NEAR_COUNT])):
-        add_pair(row_place(k, w), approaches, a, w, v, m)
+    for k in range(int(w.header.near_count)):
+        add_pair(w.near[k], approaches, a, w, v, m)
     for r in range(a.notes.shape[0]):
         # A target that opens all near pairs is left unchanged as far as it is provable.
         limits = a.passing if a.notes[r, OPENS] != 0 else a.limits
@@ -164,12 +156,12 @@ def breaks_rows(r: int, limits: Floats, a: Response, m: Motion) -> bool:
 
 @kernel
 def add_pair(
-    place: int, approaches: bool, a: Response, w: Workspace, v: Watch, m: Motion
+    near: NearRow, approaches: bool, a: Response, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Add the constraint rows of a near pair to the programs of its robots.
 
     Args:
-        place: Start of the pair's row in `out`.
+        near: The pair's row.
         approaches: Whether a contract is in force, see `reaches_anything`.
         a: Responses; the programs are written.
         w: Workspace.
@@ -177,18 +169,17 @@ def add_pair(
         m: Motion.
     """
     raw, target = a.raw, a.target
-    out = w.out
-    i, j = int(out[place + FIRST]), int(out[place + SECOND])
+    i, j = int(near.first), int(near.second)
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    pair_row(i, j, place, raw, w, m)
-    left = out[place + HEADROOM]
-    if out[place + PROOF] != UNPROVEN:
+    pair_row(i, j, near, raw, w, m)
+    left = near.headroom
+    if near.proof != UNPROVEN:
         # The deficit of an unproven pair does not predict its headroom.
         left = steady_spare(i, j, left, a, v)
-    resting = spare_at_rest(i, j, place, w, v, m)
+    resting = spare_at_rest(i, j, near, w, v, m)
     closing_i = closing_of(robot_i, raw, target, m)
     closing_j = closing_of(robot_j, raw, target, m) if robot_j >= 0 else 0.0
-    intended = out[place + PROOF] == ALLOWED
+    intended = near.proof == ALLOWED
     for side in range(2):
         r = robot_i if side == 0 else robot_j
         if r < 0 or (side == 1 and r == robot_i):
@@ -214,9 +205,9 @@ def add_pair(
         if straight >= 0:
             a.notes[r, OPENS] = 0
             a.notes[r, CHANGED] |= BY_ROWS
-            slow_to_contract(r, straight, part, out[place + WITNESS], a, w, m)
+            slow_to_contract(r, straight, part, near.distance, a, w, m)
         begin = a.notes[r, ROW_COUNT]
-        add_limits(r, place, part, left, a, w)
+        add_limits(r, near, part, left, a, w)
         if straight >= 0:
             slow_to_rows(r, straight, begin, a, w, m)
 
@@ -242,20 +233,20 @@ def note_request(r: int, intended: bool, a: Response, m: Motion) -> None:
 
 @kernel
 def add_limits(
-    r: int, place: int, part: float, left: float, a: Response, w: Workspace
+    r: int, near: NearRow, part: float, left: float, a: Response, w: Workspace
 ) -> None:
     """Add the rows by which a robot keeps its part of a pair's headroom.
 
     Args:
         r: The robot.
-        place: Start of the pair's row in `out`.
+        near: The pair's row.
         part: Its part of the headroom [-].
         left: The headroom [m].
         a: Responses; the robot's program is written.
         w: Workspace.
     """
-    v, m, out = w.watch, w.motion, w.out
-    intended = out[place + PROOF] == ALLOWED
+    v, m = w.watch, w.motion
+    intended = near.proof == ALLOWED
     # A touching pair opens whenever an arm drifts into it. Other pairs do not move
     # a robot that has no request or keeps its path.
     keeps_path = a.settings[r].scales != 0
@@ -264,8 +255,8 @@ def add_limits(
     add_approach(r, part * (left - SPARE) - lost, opens, a, v, m)
     add_holding(r, part * (left - LEAST_SPARE) - lost, opens, a, v, m)
     if intended:
-        i, j = int(out[place + FIRST]), int(out[place + SECOND])
-        distance = out[place + WITNESS]
+        i, j = int(near.first), int(near.second)
+        distance = near.distance
         contract = contract_of(i, j, w.grips)
         add_contract(r, part, contract, distance, not keeps_path, a, w, m)
 

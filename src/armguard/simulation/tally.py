@@ -10,7 +10,7 @@ import numpy as np
 from armguard.guard import EventLog, Level
 from armguard.guard.answer import Names, names_of
 from armguard.guard.events import Event
-from armguard.guard.layout import HEADER, ROBOT_CAUSE, ROBOT_WIDTH
+from armguard.guard.layout import HEADER, IN_ROBOT, ROBOT_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.verdict import Verdict
 from armguard.recording.frames import Form, Frame
@@ -133,7 +133,7 @@ class Tally:
         for r, (name, action) in enumerate(command.actions.items()):
             stops = action >= Action.STOP
             if stops and not self._stopped[name]:
-                cause = int(numbers[HEADER + r * ROBOT_WIDTH + ROBOT_CAUSE])
+                cause = int(numbers[HEADER + r * ROBOT_WIDTH + IN_ROBOT.cause])
                 self.stops[name, Reason(cause).name] += 1
             self._stopped[name] = stops
 

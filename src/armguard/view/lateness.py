@@ -4,7 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from armguard.guard import layout
+from armguard.guard.layout import IN_HEADER
 from armguard.recording.frames import Frame
 from armguard.simulation.tally import LATE_REASONS
 
@@ -37,7 +37,9 @@ class Lateness:
 
     def add(self, frame: Frame) -> None:
         """Take in a cycle."""
-        late = bool(len(frame.verdict)) and frame.verdict[layout.REASON] in LATE_REASONS
+        late = (
+            bool(len(frame.verdict)) and frame.verdict[IN_HEADER.reason] in LATE_REASONS
+        )
         if late and not self._late:
             self._stops.append(self._clock())
         self._late = late

@@ -11,7 +11,7 @@ from typing import Any
 import viser
 
 from armguard.errors import NoServiceError, StationError
-from armguard.recording.frames import KIND, Frame, Kind, frame_of
+from armguard.recording.frames import IN_FRAME, Frame, Kind, frame_of
 from armguard.recording.rights import Role
 from armguard.recording.ring import RingReader, recorder_age
 from armguard.scene import Scene, compile_scene
@@ -108,7 +108,7 @@ class LiveFrames:
     def _read(self, cycle: Callable[[Frame], None]) -> None:
         """Take in what has been written since the last look."""
         for row in self._reader.unread():
-            if int(row[KIND]) == Kind.CYCLE:
+            if int(row[IN_FRAME.kind]) == Kind.CYCLE:
                 self.newest = frame_of(row)
                 cycle(self.newest)
             else:

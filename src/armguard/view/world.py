@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from armguard.geometry.shapes import Shape
 from armguard.guard import layout
 from armguard.guard.answer import names_of
+from armguard.guard.layout import IN_HEADER, IN_ROBOT
 from armguard.guard.levels import Level, Reason
 from armguard.guard.near_pair import NearPair
 from armguard.guard.verdict import Verdict
@@ -109,9 +110,9 @@ def levels_of(frame: Frame, robots: int) -> tuple[int, ...]:
         frame: Frame of a cycle.
         robots: Robots the verdict has a row for.
     """
-    own = Reason(int(frame.verdict[layout.REASON])).level
+    own = Reason(int(frame.verdict[IN_HEADER.reason])).level
     step = layout.ROBOT_WIDTH
-    first = layout.HEADER + layout.ROBOT_LEVEL
+    first = layout.HEADER + IN_ROBOT.level
     each = frame.verdict[first : first + robots * step : step]
     levels = tuple(int(level) for level in each)
     return (max((int(own), *levels), default=int(Level.CLEAR)), *levels)

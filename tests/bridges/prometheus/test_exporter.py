@@ -24,6 +24,7 @@ from armguard.bridges.prometheus.metrics import (
     reason_name,
 )
 from armguard.guard import layout
+from armguard.guard.layout import IN_HEADER, IN_ROBOT
 from armguard.guard.levels import Reason
 from armguard.recording.counters import (
     BUCKETS,
@@ -172,14 +173,14 @@ def test_the_newest_cycle_is_told(station, scraped):
         frame = found if found.kind == Kind.CYCLE else frame
     assert scraped[("armguard_last_cycle",)] == frame.cycle
     assert scraped[("armguard_time_left_seconds",)] == pytest.approx(
-        frame.verdict[layout.LEAST_TIME_LEFT]
+        frame.verdict[IN_HEADER.least_time_left]
     )
     for r, robot in enumerate(("left", "right")):
         row = frame.verdict[layout.HEADER + r * layout.ROBOT_WIDTH :]
         for name, place in (
-            ("robot_level", layout.ROBOT_LEVEL),
-            ("robot_speed_scale", layout.ROBOT_SCALE),
-            ("robot_state_age_seconds", layout.ROBOT_AGE),
+            ("robot_level", IN_ROBOT.level),
+            ("robot_speed_scale", IN_ROBOT.scale),
+            ("robot_state_age_seconds", IN_ROBOT.age),
         ):
             assert scraped[(f"armguard_{name}", ("robot", robot))] == row[place]
     # At home nothing is near.

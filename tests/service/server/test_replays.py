@@ -9,7 +9,7 @@ import pytest
 from armguard import Client
 from armguard.errors import NoServiceError
 from armguard.recording import open_recording
-from armguard.recording.frames import KIND, Kind
+from armguard.recording.frames import IN_FRAME, Kind
 from armguard.recording.recorder import Recorder, RecorderSettings
 from armguard.recording.replay import replay
 from armguard.recording.ring import RingReader
@@ -86,7 +86,7 @@ def start(patient_bay, monkeypatch, folder, *, slowly):
     recorder = Recorder(folder, RecorderSettings(after=0.05, before=0.1))
     kinds = []
     for row in reader.unread():
-        kinds.append(int(row[KIND]))
+        kinds.append(int(row[IN_FRAME.kind]))
         recorder.take(row)
         recorder.flush()
     recorder.end()

@@ -15,6 +15,7 @@ from prometheus_client.core import (
 )
 
 from armguard.guard import layout
+from armguard.guard.layout import IN_HEADER, IN_NEAR, IN_ROBOT
 from armguard.guard.levels import Reason
 from armguard.recording.counters import (
     FINE,
@@ -152,10 +153,10 @@ def buckets_of(found: Histogram) -> list[tuple[str, float]]:
 
 # Metrics of each robot: meaning, and place in the robot's row.
 OF_ROBOTS = {
-    "level": ("What a robot should do, see docs/verdicts.md", layout.ROBOT_LEVEL),
-    "speed_scale": ("Share of his speed an operator may have", layout.ROBOT_SCALE),
-    "urgency": ("How much an operator is warned", layout.ROBOT_URGENCY),
-    "state_age_seconds": ("Age of a robot's state", layout.ROBOT_AGE),
+    "level": ("What a robot should do, see docs/verdicts.md", IN_ROBOT.level),
+    "speed_scale": ("Share of his speed an operator may have", IN_ROBOT.scale),
+    "urgency": ("How much an operator is warned", IN_ROBOT.urgency),
+    "state_age_seconds": ("Age of a robot's state", IN_ROBOT.age),
 }
 
 # Metrics of the newest cycle.
@@ -231,9 +232,9 @@ class ServiceCollector:
         values = (
             frame.cycle,
             time.monotonic() - frame.monotonic,
-            float(numbers[layout.LEAST_TIME_LEFT]),
+            float(numbers[IN_HEADER.least_time_left]),
             *nearest(frame),
-            float(numbers[layout.NEAR_COUNT]),
+            float(numbers[IN_HEADER.near_count]),
         )
         for (name, meaning), value in zip(OF_CYCLE.items(), values, strict=True):
             yield gauge(name, meaning, value)
@@ -241,12 +242,12 @@ class ServiceCollector:
 
 def nearest(frame: Frame) -> tuple[float, float]:
     """Headroom and distance of the nearest pair of a cycle [m]."""
-    row = int(frame.verdict[layout.NEAREST])
+    row = int(frame.verdict[IN_HEADER.nearest])
     if row < 0:
         return float("inf"), float("inf")
     first = layout.HEADER + len(frame.stamps) * layout.ROBOT_WIDTH + len(frame.q)
     pair = frame.verdict[first + row * layout.NEAR_WIDTH :]
-    return float(pair[layout.HEADROOM]), float(pair[layout.WITNESS])
+    return float(pair[IN_NEAR.headroom]), float(pair[IN_NEAR.distance])
 
 
 def registry_of(

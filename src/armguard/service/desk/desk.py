@@ -5,56 +5,110 @@ in arrays that kernels read, so that a message becomes an answer in two calls of
 compiled code: `take_state` and `judge`.
 """
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer
+from armguard.guard.layout import Header, NearRow, RobotRow
 from armguard.kernel import kernel
-from armguard.table import LongVector, Matrix, Vector, opener
+from armguard.record import Records, record
+from armguard.table import LongVector, Matrix, Vector, opener, table
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# Places in `given`. What a message is, before it is taken:
-SIZE = 0  # [bytes]
-NOW = 1  # monotonic [ns]
-SENDER = 2
-SEQUENCE = 3
-TOKEN = 4  # what a WISH must show; 0 if its sender does not command
-WATCHDOG = 5  # after that much silence a robot may get another controller [ns]
-# What came of it:
-HAS_WISH = 6  # 1 if there is a WISH in a STATE
-WISH_OUTCOME = 7  # what came of that
-WISH_FORM = 8  # form of the newest WISH, as messages number it
-WISH_COUNT = 9  # how many numbers, or twists, it has
-MEASURED = 10  # 1 if the newest state of every robot had velocities
-# What a cycle is given:
-ASK = 11  # what to ask the guard
-CYCLE = 12  # its number
-BEGAN_BY = 13  # sender, number and arrival of the state that began it [ns]; 0 for none
-BEGAN_WITH = 14
-BEGAN_AT = 15
-START = 16  # monotonic [ns]
-ENDED = 17  # when it had been judged [ns]
-CAUSE = 18
-FLAGS = 19
-COMMANDER = 20
-# What came of that:
-ASKED_FORM = 21  # form of what was asked
-ASKED_COUNT = 22  # how many numbers that has
-USED = 23  # places of `numbers` that are used
-LEVEL = 24  # the highest level, its reason
-REASON = 25
-GIVEN = 26
 
-# What to ask a guard; any other number is the `Reason` of a stop.
+@record
+class Arrival:
+    """A message that was received, and the newest WISH.
+
+    Attributes:
+        length: Its length [bytes].
+        now: When it was received, monotonic [ns].
+        sender: Its sender.
+        sequence: Its number.
+        token: Token that a WISH must show; 0 if its sender is not the commander.
+        watchdog: Silence after which a robot may get another controller [ns].
+        has_wish: 1 if there is a WISH in a STATE.
+        wish_outcome: What came of that, see `OUTCOMES`.
+        wish_form: Form of the newest WISH, as messages number it.
+        wish_count: How many numbers, or twists, that has.
+        measured: 1 if the newest state of every robot had velocities.
+    """
+
+    length: int
+    now: int
+    sender: int
+    sequence: int
+    token: int
+    watchdog: int
+    has_wish: int
+    wish_outcome: int
+    wish_form: int
+    wish_count: int
+    measured: int
+
+
+@record
+class Cycle:
+    """A cycle, and what came of it.
+
+    Attributes:
+        ask: What to ask the guard, see `AS_WISHED`.
+        number: Its number.
+        began_by: Sender of the state that began it; 0 for none.
+        began_with: Number of that state.
+        began_at: When that was received, monotonic [ns].
+        start: When the cycle began, monotonic [ns].
+        ended: When it had been judged, monotonic [ns].
+        cause: Why the desired motion does not count, see `Cause`.
+        marks: Flags of the COMMAND.
+        commander: Sender of the desired motion; 0 for none.
+        asked_form: Form of the request to the guard.
+        asked_count: How many numbers that has.
+        used: Places of `out` that are used.
+        level: The highest level.
+        reason: The verdict's reason.
+    """
+
+    ask: int
+    number: int
+    began_by: int
+    began_with: int
+    began_at: int
+    start: int
+    ended: int
+    cause: int
+    marks: int
+    commander: int
+    asked_form: int
+    asked_count: int
+    used: int
+    level: int
+    reason: int
+
+
+@record
+class ToolTwist:
+    """Desired twist of a tool.
+
+    Attributes:
+        tool: Index of the tool.
+        twist: The twist [m/s], [rad/s].
+    """
+
+    tool: int
+    twist: Annotated[Floats, (6,)]
+
+
+# What to ask a guard, `Cycle.ask`; any other number is the `Reason` of a stop.
 AS_WISHED = 0  # the desired motion of the commander
 NOTHING = 1  # that nothing moves; where positions were desired, that they are held
 
-# What came of a message: its place here, see `DROPS`.
+# What came of a message: its index here, see `DROPS`.
 OUTCOMES = (
     *("", "payload", "robots", "joints"),
     *("second_controller", "not_commander", "wish_not_finite"),
@@ -62,14 +116,13 @@ OUTCOMES = (
 TAKEN, PAYLOAD, ROBOTS, JOINTS = range(4)
 SECOND_CONTROLLER, NOT_COMMANDER, WISH_NOT_FINITE = range(4, 7)
 
-# A row of `twists`: index of the tool, then its twist.
-TWIST_AT = 1
 
-
+@table
 class Desk(NamedTuple):
     """Arrays of one service and one scene, of n joints, r robots, p primitives."""
 
-    given: LongVector  # see SIZE, shape (GIVEN,)
+    arrival: Arrival  # the message that was received
+    cycle: Cycle  # the cycle that is judged
     message: Vector  # the message that was received, as words of eight bytes
     answer: Vector  # the message to be sent, likewise
     q: Vector  # joint positions, shape (n,) [rad or m]
@@ -82,18 +135,21 @@ class Desk(NamedTuple):
     first_joint: LongVector  # place in q of the first joint of each robot, shape (r,)
     joint_count: LongVector  # how many joints it has, shape (r,)
     wish: Vector  # desired velocities or positions, shape (n,)
-    twists: Matrix  # desired twists, see TWIST_AT, shape (MOST_TWISTS, TWIST)
+    twists: Annotated[Records[ToolTwist], 1]  # desired twists, shape (MOST_TWISTS,)
     tools: Matrix  # robot, body, origin in the body of each tool, (k, TOOL_TWIST)
     rows: Vector  # twists as the guard takes them, shape (MOST_TWISTS TWIST_ROW,)
     # Positions commanded last, which are held when a commander in positions falls
     # silent, shape (n,).
     held: Vector
     asked: Vector  # what the guard was asked for last, shape (max(n, 6 MOST_TWISTS),)
-    numbers: Vector  # the verdict's numbers, see `armguard.guard.layout`
-    told: Vector  # the command to the robots, as `Command` cuts it, shape (4 n + 4 r,)
+    out: Vector  # the verdict's numbers, see `armguard.guard.layout`
+    header: Header  # their header, in the same memory
+    robots: Annotated[Records[RobotRow], 1]  # their rows of the robots, likewise
+    escape: Vector  # their escape directions, likewise
+    near: Annotated[Records[NearRow], 1]  # their rows of the near pairs, likewise
+    command: Vector  # the numbers of the `Command`, shape (4 n + 4 r,)
     body_of: LongVector  # index in a COMMAND of the body of each primitive, shape (p,)
     level_of: LongVector  # level of each reason, shape (k,)
-    first_row: LongVector  # where near pairs start in `numbers`, shape (1,)
 
 
 open_desk = opener(Desk)

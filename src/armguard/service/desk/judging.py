@@ -5,7 +5,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.watch import HAS_VELOCITY, NOW_TIME, Watch
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.recording.frames import Form as Asked
@@ -19,21 +19,7 @@ from armguard.respond.state import (
 from armguard.respond.state import TWISTS as BY_TWISTS
 from armguard.respond.state import VELOCITIES as BY_VELOCITIES
 from armguard.respond.whole_cycle import begin_filtered_cycle, end_filtered_cycle
-from armguard.service.desk.desk import (
-    AS_WISHED,
-    ASK,
-    ASKED_COUNT,
-    ASKED_FORM,
-    MEASURED,
-    NOTHING,
-    START,
-    TWIST_AT,
-    USED,
-    WISH_COUNT,
-    WISH_FORM,
-    Desk,
-    open_desk,
-)
+from armguard.service.desk.desk import AS_WISHED, NOTHING, Desk, open_desk
 from armguard.service.desk.telling import write_answer
 from armguard.service.wire.layout import Form
 
@@ -44,66 +30,63 @@ STOP = int(Asked.STOP)
 
 
 @kernel(inline=False, entry=True)
-def judge(address: int, response: Longs, lines: Longs) -> None:
+def judge(desk: Longs, response: Longs, lines: Longs) -> None:
     """A cycle of the guard, and its answer; where programs are solved by kernels.
 
     Args:
-        address: Address of the ledger of a desk; `given` says what to ask.
+        desk: Ledger of a desk; its `cycle` says what to ask.
         response: Ledger of the guard's responses.
         lines: Ledger of its workspace.
     """
-    conclude_judging(begin_judging(address, response, lines), address, response, lines)
+    conclude_judging(begin_judging(desk, response, lines), desk, response, lines)
 
 
 @kernel(inline=False, entry=True)
-def begin_judging(address: int, response: Longs, lines: Longs) -> int:
+def begin_judging(desk: Longs, response: Longs, lines: Longs) -> int:
     """The same as far as programs are to be solved, see `begin_filtered_cycle`."""
-    d = open_desk(address)
+    d = open_desk(desk)
     v = open_workspace(lines).watch
     hand_over(d, v)
     choose(d)
-    given = d.given
-    if given[ASKED_FORM] == TWISTS:
-        count = given[ASKED_COUNT] // 6 * TWIST_ROW
+    cycle = d.cycle
+    if cycle.asked_form == TWISTS:
+        count = cycle.asked_count // 6 * TWIST_ROW
         return int(
             begin_filtered_cycle(d.q, BY_TWISTS, d.rows[:count], response, lines)
         )
-    if given[ASKED_FORM] == STOP:
+    if cycle.asked_form == STOP:
         stop = d.asked[:1]
         return int(begin_filtered_cycle(d.q, TO_STAND_STILL, stop, response, lines))
-    form = TO_POSITIONS if given[ASKED_FORM] == POSITIONS else BY_VELOCITIES
+    form = TO_POSITIONS if cycle.asked_form == POSITIONS else BY_VELOCITIES
     asked = d.asked[: d.q.shape[0]]
     return int(begin_filtered_cycle(d.q, form, asked, response, lines))
 
 
 @kernel(inline=False, entry=True)
-def conclude_judging(
-    unsolved: int, address: int, response: Longs, lines: Longs
-) -> None:
+def conclude_judging(unsolved: int, desk: Longs, response: Longs, lines: Longs) -> None:
     """The rest of a cycle, and its answer; see `end_filtered_cycle`."""
-    d = open_desk(address)
+    d = open_desk(desk)
     used = end_filtered_cycle(d.q, unsolved, response, lines)
     a, w = open_response(response), open_workspace(lines)
     for k in range(used):
-        d.numbers[k] = w.out[k]
-    for k in range(d.told.shape[0]):
-        d.told[k] = a.commanded[k]
-    d.given[USED] = used
-    if d.given[ASK] != NOTHING:
+        d.out[k] = w.out[k]
+    for k in range(d.command.shape[0]):
+        d.command[k] = a.commanded[k]
+    d.cycle.used = used
+    if d.cycle.ask != NOTHING:
         for j in range(d.held.shape[0]):
-            d.held[j] = d.told[d.held.shape[0] + j]
-    write_answer(address)
+            d.held[j] = d.command[d.held.shape[0] + j]
+    write_answer(desk)
 
 
 @kernel
 def hand_over(d: Desk, v: Watch) -> None:
-    """Hand to the guard what was measured, and when."""
-    given = d.given
-    v.given[NOW_TIME] = given[START] * 1e-9
+    """Hand the measurement and its time to the guard."""
+    v.given.now = d.cycle.start * 1e-9
     for r in range(d.stamps.shape[0]):
         v.stamps[r] = d.stamps[r]
-    v.given[HAS_VELOCITY] = given[MEASURED]
-    if given[MEASURED] != 0:
+    v.given.has_velocity = d.arrival.measured
+    if d.arrival.measured != 0:
         for j in range(d.velocity.shape[0]):
             v.velocity[j] = d.velocity[j]
 
@@ -111,26 +94,26 @@ def hand_over(d: Desk, v: Watch) -> None:
 @kernel
 def choose(d: Desk) -> None:
     """Choose what to ask for, and write it down as it was asked."""
-    given = d.given
+    cycle = d.cycle
     n = d.q.shape[0]
-    form = given[WISH_FORM]
-    if given[ASK] == AS_WISHED and form == TWISTS:
+    form = d.arrival.wish_form
+    if cycle.ask == AS_WISHED and form == TWISTS:
         lay_out_twists(d)
         return
-    given[ASKED_COUNT] = n
-    if given[ASK] == AS_WISHED:
-        given[ASKED_FORM] = form
+    cycle.asked_count = n
+    if cycle.ask == AS_WISHED:
+        cycle.asked_form = form
         for j in range(n):
             d.asked[j] = d.wish[j]
         return
-    if given[ASK] != NOTHING:
-        given[ASKED_FORM], given[ASKED_COUNT] = STOP, 1
-        d.asked[0] = given[ASK]
+    if cycle.ask != NOTHING:
+        cycle.asked_form, cycle.asked_count = STOP, 1
+        d.asked[0] = cycle.ask
         return
     holds = form == POSITIONS
     for j in range(n):
         holds &= isfinite(d.held[j])
-    given[ASKED_FORM] = POSITIONS if holds else VELOCITIES
+    cycle.asked_form = POSITIONS if holds else VELOCITIES
     for j in range(n):
         d.asked[j] = d.held[j] if holds else 0.0
 
@@ -138,13 +121,12 @@ def choose(d: Desk) -> None:
 @kernel
 def lay_out_twists(d: Desk) -> None:
     """Write twists as the guard takes them, and as they are kept."""
-    count = d.given[WISH_COUNT]
-    d.given[ASKED_FORM], d.given[ASKED_COUNT] = TWISTS, 6 * count
+    count = d.arrival.wish_count
+    d.cycle.asked_form, d.cycle.asked_count = TWISTS, 6 * count
     for k in range(count):
-        tool = int(d.twists[k, 0])
+        desired = d.twists[k]
         for i in range(TOOL_TWIST):
-            d.rows[k * TWIST_ROW + i] = d.tools[tool, i]
+            d.rows[k * TWIST_ROW + i] = d.tools[desired.tool, i]
         for i in range(6):
-            twist = d.twists[k, TWIST_AT + i]
-            d.rows[k * TWIST_ROW + TOOL_TWIST + i] = twist
-            d.asked[6 * k + i] = twist
+            d.rows[k * TWIST_ROW + TOOL_TWIST + i] = desired.twist[i]
+            d.asked[6 * k + i] = desired.twist[i]

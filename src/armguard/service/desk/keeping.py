@@ -4,87 +4,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.kernel import kernel
-from armguard.recording.frames import (
-    ASKED,
-    CYCLE,
-    CYCLE_TIME,
-    DATA,
-    ENDED,
-    FORM,
-    HAS_VELOCITY,
-    HEADER,
-    JOINTS,
-    KIND,
-    MONOTONIC,
-    NOW,
-    POSES,
-    RECEIVED,
-    ROBOTS,
-    TEXT,
-    TOLD,
-    VERDICT,
-    WALL,
-    Kind,
-)
-from armguard.service.desk.desk import (
-    ASKED_COUNT,
-    ASKED_FORM,
-    BEGAN_AT,
-    MEASURED,
-    START,
-    USED,
-    open_desk,
-)
-from armguard.service.desk.desk import CYCLE as NUMBER
-from armguard.service.desk.desk import ENDED as ENDED_AT
+from armguard.record import dtype_of
+from armguard.recording.frames import HEADER, Header, Kind
+from armguard.service.desk.desk import Longs, open_desk, records
 
 Floats = NDArray[np.float64]
 
-OF_CYCLE = int(Kind.CYCLE)
+OF_CYCLE, FRAME = int(Kind.CYCLE), dtype_of(Header)
 
 
 @kernel(inline=False, entry=True)
 def write_frame(
-    address: int, row: Floats, poses: Floats, monotonic: float, wall: float, text: int
+    desk: Longs, row: Floats, poses: Floats, monotonic: float, wall: float, text: int
 ) -> None:
     """Fill in a cycle's frame, all but its text.
 
     Args:
-        address: Address of the ledger of a desk, after `judge`.
+        desk: Ledger of a desk, after `judge`.
         row: The frame.
         poses: Poses of all bodies one after another, shape (12 b,).
         monotonic: Time on the monotonic clock [s].
         wall: Time on the wall clock [s].
         text: Length of the text that follows [bytes].
     """
-    d = open_desk(address)
-    given = d.given
+    d = open_desk(desk)
+    cycle = d.cycle
     n, robots = d.q.shape[0], d.stamps.shape[0]
-    for k in range(HEADER):
-        row[k] = 0.0
-    row[KIND], row[CYCLE] = OF_CYCLE, given[NUMBER]
-    row[MONOTONIC], row[WALL] = monotonic, wall
-    row[FORM], row[NOW] = given[ASKED_FORM], given[START] * 1e-9
-    row[HAS_VELOCITY] = given[MEASURED]
-    began = given[BEGAN_AT]
-    row[RECEIVED] = began * 1e-9 if began != 0 else np.nan
-    row[ENDED] = given[ENDED_AT] * 1e-9
-    row[CYCLE_TIME] = (given[ENDED_AT] - given[START]) * 1e-9
-    row[JOINTS], row[ROBOTS], row[ASKED] = n, robots, given[ASKED_COUNT]
-    row[TOLD], row[VERDICT] = d.told.shape[0], given[USED]
-    row[POSES], row[TEXT], row[DATA] = poses.shape[0], text, 0.0
+    head = records(row, 0, 1, FRAME)[0]
+    head["kind"], head["cycle"] = OF_CYCLE, cycle.number
+    head["monotonic"], head["wall"] = monotonic, wall
+    head["form"], head["now"] = cycle.asked_form, cycle.start * 1e-9
+    head["has_velocity"] = d.arrival.measured
+    head["received"] = cycle.began_at * 1e-9 if cycle.began_at != 0 else np.nan
+    head["ended"] = cycle.ended * 1e-9
+    head["cycle_time"] = (cycle.ended - cycle.start) * 1e-9
+    head["joints"], head["robots"], head["asked"] = n, robots, cycle.asked_count
+    head["told"], head["verdict"] = d.command.shape[0], cycle.used
+    head["poses"], head["text"], head["data"] = poses.shape[0], text, 0.0
     at = HEADER
     at = put(d.q, n, row, at)
-    if given[MEASURED] != 0:
+    if d.arrival.measured != 0:
         at = put(d.velocity, n, row, at)
     else:
         for j in range(n):
             row[at + j] = 0.0
         at += n
     at = put(d.stamps, robots, row, at)
-    at = put(d.asked, given[ASKED_COUNT], row, at)
-    at = put(d.told, d.told.shape[0], row, at)
-    at = put(d.numbers, given[USED], row, at)
+    at = put(d.asked, cycle.asked_count, row, at)
+    at = put(d.command, d.command.shape[0], row, at)
+    at = put(d.out, cycle.used, row, at)
     put(poses, poses.shape[0], row, at)
 
 

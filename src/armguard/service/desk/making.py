@@ -3,15 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard import layout
-from armguard.guard.answer import first_row_of
+from armguard.guard.answer import answer_of
 from armguard.guard.levels import Level, Reason
-from armguard.guard.loop import NEAR_CAPACITY
+from armguard.record import records
 from armguard.respond.state import MOST_TWISTS, TOOL_POINT, TOOL_TWIST, TWIST_ROW
 from armguard.respond.tool import tool_of
 from armguard.scene.tables import SceneTables
-from armguard.service.desk.desk import GIVEN, Desk
-from armguard.service.wire.layout import TWIST
+from armguard.service.desk.desk import Arrival, Cycle, Desk, ToolTwist
 
 Floats = NDArray[np.float64]
 
@@ -38,10 +36,9 @@ def desk_of(
     levels = np.full(max(Reason) + 1, int(Level.STOP), dtype=np.int64)
     for reason in Reason:
         levels[reason] = reason.level
-    first_row = first_row_of(tables)
-    most = max(1, min(tables.checkable_pairs, NEAR_CAPACITY))
     return Desk(
-        given=np.zeros(GIVEN, dtype=np.int64),
+        arrival=records((), Arrival),
+        cycle=records((), Cycle),
         message=message,
         answer=answer,
         q=np.full(n, np.nan),
@@ -54,16 +51,15 @@ def desk_of(
         first_joint=np.array([p.first_joint for p in tables.robots], dtype=np.int64),
         joint_count=np.array([p.joint_count for p in tables.robots], dtype=np.int64),
         wish=np.zeros(n),
-        twists=np.zeros((MOST_TWISTS, TWIST)),
+        twists=records(MOST_TWISTS, ToolTwist),
         tools=rows,
         rows=np.zeros(MOST_TWISTS * TWIST_ROW),
         held=np.full(n, np.nan),
         asked=np.zeros(max(n, 6 * MOST_TWISTS)),
-        numbers=np.zeros(first_row + most * layout.NEAR_WIDTH),
-        told=np.zeros(4 * n + 4 * r),
+        **answer_of(tables),
+        command=np.zeros(4 * n + 4 * r),
         body_of=np.array([place[b] for b in tables.body_names], dtype=np.int64),
         level_of=levels,
-        first_row=np.array([first_row], dtype=np.int64),
     )
 
 

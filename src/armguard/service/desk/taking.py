@@ -6,26 +6,15 @@ from typing import Any
 from armguard.kernel import kernel
 from armguard.respond.state import MOST_TWISTS
 from armguard.service.desk.desk import (
-    HAS_WISH,
     JOINTS,
-    MEASURED,
     NOT_COMMANDER,
-    NOW,
     PAYLOAD,
     ROBOTS,
     SECOND_CONTROLLER,
-    SENDER,
-    SEQUENCE,
-    SIZE,
     TAKEN,
-    TOKEN,
-    TWIST_AT,
-    WATCHDOG,
-    WISH_COUNT,
-    WISH_FORM,
     WISH_NOT_FINITE,
-    WISH_OUTCOME,
     Desk,
+    Longs,
     open_desk,
     records,
     signed,
@@ -46,21 +35,20 @@ VELOCITIES, POSITIONS, TWISTS = (int(form) for form in Form)
 
 
 @kernel(inline=False, entry=True)
-def take_state(address: int) -> int:
+def take_state(desk: Longs) -> int:
     """Take a STATE over, and the WISH in it.
 
     Args:
-        address: Address of the ledger of a desk: its message is a STATE, and `given`
-            describes it.
+        desk: Ledger of a desk: its message is a STATE, and its `arrival` describes it.
 
     Returns:
         TAKEN, or why it was dropped; then nothing has changed. What came of the WISH in
-        it is written to `given`.
+        it is written there.
     """
-    d = open_desk(address)
-    given = d.given
-    given[HAS_WISH] = 0
-    size = given[SIZE]
+    d = open_desk(desk)
+    arrival = d.arrival
+    arrival.has_wish = 0
+    size = arrival.length
     if size < POSITIONS_AT + SEAL:
         return PAYLOAD
     state = records(d.message, PAYLOAD_AT, 1, STATE_ROW)[0]
@@ -80,14 +68,14 @@ def take_state(address: int) -> int:
     if room < WISH_SIZE if with_wish else room != 0:
         return JOINTS
     for r in range(robots):
-        other = d.sender[r] != given[SENDER] and d.sender[r] != 0
+        other = d.sender[r] != arrival.sender and d.sender[r] != 0
         if (bits >> r) & 1 != 0 and other:
-            if given[NOW] - d.heard[r] < given[WATCHDOG]:
+            if arrival.now - d.heard[r] < arrival.watchdog:
                 return SECOND_CONTROLLER
     keep_state(state, joints, both, d)
     if with_wish:
-        given[HAS_WISH] = 1
-        given[WISH_OUTCOME] = keep_wish(end, d)
+        arrival.has_wish = 1
+        arrival.wish_outcome = keep_wish(end, d)
     return TAKEN
 
 
@@ -101,7 +89,7 @@ def keep_state(state: Any, joints: int, both: int, d: Desk) -> None:
         both: 2 if there are velocities, else 1.
         d: The desk.
     """
-    given, words = d.given, d.message
+    arrival, words = d.arrival, d.message
     bits, stamp = signed(state["robots"]), state["stamp"]
     at = POSITIONS_AT // 8
     every = 1
@@ -115,37 +103,37 @@ def keep_state(state: Any, joints: int, both: int, d: Desk) -> None:
             at += d.joint_count[r]
             d.stamps[r] = stamp
             d.measured[r] = both - 1
-            d.sender[r], d.sequence[r] = given[SENDER], given[SEQUENCE]
-            d.heard[r] = given[NOW]
+            d.sender[r], d.sequence[r] = arrival.sender, arrival.sequence
+            d.heard[r] = arrival.now
         every &= d.measured[r]
-    given[MEASURED] = every
+    arrival.measured = every
 
 
 @kernel(inline=False, entry=True)
-def take_wish(address: int) -> int:
+def take_wish(desk: Longs) -> int:
     """Take a WISH over.
 
     Args:
-        address: See `take_state`.
+        desk: See `take_state`.
 
     Returns:
         TAKEN, or why it was dropped.
     """
-    return keep_wish(PAYLOAD_AT, open_desk(address))
+    return keep_wish(PAYLOAD_AT, open_desk(desk))
 
 
 @kernel(inline=False)
 def keep_wish(start: int, d: Desk) -> int:
     """Take over the WISH that begins there [bytes]."""
-    given, words = d.given, d.message
-    room = given[SIZE] - SEAL - start - WISH_SIZE
+    arrival, words = d.arrival, d.message
+    room = arrival.length - SEAL - start - WISH_SIZE
     if room < 0:
         return PAYLOAD
     wish = records(words, start, 1, WISH_ROW)[0]
     form, count = signed(wish["form"]), signed(wish["numbers"])
     if room != 8 * count:
         return PAYLOAD
-    if given[TOKEN] == 0 or signed(wish["token"]) != given[TOKEN]:
+    if arrival.token == 0 or signed(wish["token"]) != arrival.token:
         return NOT_COMMANDER
     at = (start + WISH_SIZE) // 8
     if form == TWISTS:
@@ -168,8 +156,8 @@ def keep_wish(start: int, d: Desk) -> int:
     else:
         for k in range(count):
             d.wish[k] = words[at + k]
-        given[WISH_COUNT] = count
-    given[WISH_FORM] = form
+        arrival.wish_count = count
+    arrival.wish_form = form
     return TAKEN
 
 
@@ -190,9 +178,10 @@ def keep_twists(at: int, count: int, d: Desk) -> None:
     for k in range(at, at + count, TWIST):
         place = kept
         for i in range(kept):
-            if d.twists[i, 0] == d.message[k]:
+            if d.twists[i].tool == d.message[k]:
                 place = i
-        for i in range(TWIST_AT + 6):
-            d.twists[place, i] = d.message[k + i]
+        d.twists[place].tool = int(d.message[k])
+        for i in range(6):
+            d.twists[place].twist[i] = d.message[k + 1 + i]
         kept = max(kept, place + 1)
-    d.given[WISH_COUNT] = kept
+    d.arrival.wish_count = kept

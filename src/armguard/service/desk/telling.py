@@ -3,43 +3,10 @@
 from math import inf
 from typing import Any
 
-from armguard.guard.layout import (
-    FIRST,
-    HEADROOM,
-    LEAST_TIME_LEFT,
-    NEAR_WIDTH,
-    NEAREST,
-    ROBOT_AGE,
-    ROBOT_CAUSE,
-    ROBOT_LEVEL,
-    ROBOT_SCALE,
-    ROBOT_URGENCY,
-    ROBOT_WIDTH,
-    SECOND,
-    WITNESS,
-)
-from armguard.guard.layout import HEADER as ROBOTS_IN_NUMBERS
-from armguard.guard.layout import REASON as REASON_IN_NUMBERS
 from armguard.guard.levels import Level
 from armguard.kernel import kernel
 from armguard.respond.command import ACTIONS, DRIVEN, Action
-from armguard.service.desk.desk import (
-    ASKED_FORM,
-    BEGAN_AT,
-    BEGAN_BY,
-    BEGAN_WITH,
-    CAUSE,
-    COMMANDER,
-    CYCLE,
-    ENDED,
-    FLAGS,
-    LEVEL,
-    REASON,
-    START,
-    Desk,
-    open_desk,
-    records,
-)
+from armguard.service.desk.desk import Desk, Longs, open_desk, records
 from armguard.service.wire.layout import (
     COMMAND,
     HEADER,
@@ -67,20 +34,20 @@ FIRST_LOST, LAST_LOST = int(Cause.DEADLINE_MISSED), int(Cause.WAITING)
 
 
 @kernel(inline=False, entry=True)
-def write_answer(address: int) -> None:
+def write_answer(desk: Longs) -> None:
     """Write the payload of the COMMAND that answers the last cycle.
 
     Args:
-        address: Address of the ledger of a desk; `given` has what to write beside the
-            guard's numbers.
+        desk: Ledger of a desk; its `cycle` has what to write beside the guard's
+            numbers.
     """
-    d = open_desk(address)
-    given, numbers, told = d.given, d.numbers, d.told
+    d = open_desk(desk)
+    cycle = d.cycle
     n, robots = d.q.shape[0], d.first_joint.shape[0]
     command = records(d.answer, PAYLOAD_AT, 1, COMMAND_ROW)[0]
     rows = records(d.answer, ROBOTS_AT, robots, ROBOT_ROW)
-    lost = FIRST_LOST <= given[CAUSE] <= LAST_LOST
-    reason = int(numbers[REASON_IN_NUMBERS])
+    lost = FIRST_LOST <= cycle.cause <= LAST_LOST
+    reason = int(d.header.reason)
     level, action = STOP_LEVEL, FOLLOW
     if 0 <= reason < d.level_of.shape[0]:
         level = d.level_of[reason]
@@ -89,21 +56,21 @@ def write_answer(address: int) -> None:
     for r in range(robots):
         own, obeys = write_robot(r, lost, d, rows[r])
         level, action = max(level, own), max(action, obeys)
-    command["cycle"] = given[CYCLE]
-    command["began_by"], command["began_with"] = given[BEGAN_BY], given[BEGAN_WITH]
-    command["received"], command["ended"] = given[BEGAN_AT], given[ENDED]
-    command["time"] = given[START] * 1e-9
+    command["cycle"] = cycle.number
+    command["began_by"], command["began_with"] = cycle.began_by, cycle.began_with
+    command["received"], command["ended"] = cycle.began_at, cycle.ended
+    command["time"] = cycle.start * 1e-9
     write_nearest(d, command)
-    command["reason"], command["cause"] = reason, given[CAUSE]
+    command["reason"], command["cause"] = reason, cycle.cause
     command["level"], command["action"] = level, action
-    command["flags"], command["form"] = given[FLAGS], given[ASKED_FORM]
+    command["flags"], command["form"] = cycle.marks, cycle.asked_form
     command["joints"], command["robots"] = n, robots
-    command["commander"] = given[COMMANDER]
+    command["commander"] = cycle.commander
     at = (ROBOTS_AT + robots * ROBOT_SIZE) // 8
     for j in range(n):
-        d.answer[at + j] = 0.0 if lost else told[j]
-        d.answer[at + n + j] = told[n + j]
-    given[LEVEL], given[REASON] = level, reason
+        d.answer[at + j] = 0.0 if lost else d.command[j]
+        d.answer[at + n + j] = d.command[n + j]
+    cycle.level, cycle.reason = level, reason
 
 
 @kernel
@@ -113,12 +80,11 @@ def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
     Returns:
         Its level and its action.
     """
-    numbers, told = d.numbers, d.told
+    given, commanded = d.robots[r], d.command
     n, robots = d.q.shape[0], d.first_joint.shape[0]
-    at = ROBOTS_IN_NUMBERS + r * ROBOT_WIDTH
-    own = int(numbers[at + ROBOT_LEVEL])
-    phase = told[4 * n + robots + r]
-    since = told[4 * n + 2 * robots + r]
+    own = int(given.level)
+    phase = commanded[4 * n + robots + r]
+    since = commanded[4 * n + 2 * robots + r]
     obeys = STOP_ACTION
     if since == since:
         obeys = HOLD
@@ -131,11 +97,11 @@ def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
     if lost:
         own, obeys = max(own, STOP_LEVEL), max(obeys, STOP_ACTION)
     row["level"], row["action"] = own, obeys
-    row["blocked"] = int(told[4 * n + r])
-    row["stopped_by"] = int(numbers[at + ROBOT_CAUSE])
-    row["speed_scale"] = numbers[at + ROBOT_SCALE]
-    row["urgency"] = numbers[at + ROBOT_URGENCY]
-    row["age"] = numbers[at + ROBOT_AGE]
+    row["blocked"] = int(commanded[4 * n + r])
+    row["stopped_by"] = int(given.cause)
+    row["speed_scale"] = given.scale
+    row["urgency"] = given.urgency
+    row["age"] = given.age
     row["sender"], row["sequence"] = d.sender[r], d.sequence[r]
     row["held_since"] = since
     return own, obeys
@@ -144,20 +110,19 @@ def write_robot(r: int, lost: bool, d: Desk, row: Any) -> tuple[int, int]:
 @kernel
 def write_nearest(d: Desk, command: Any) -> None:
     """Write the headroom and the nearest pair."""
-    numbers = d.numbers
-    near = int(numbers[NEAREST])
-    command["time_left"] = numbers[LEAST_TIME_LEFT]
-    if near < 0:
+    nearest = int(d.header.nearest)
+    command["time_left"] = d.header.least_time_left
+    if nearest < 0:
         command["headroom"] = command["distance"] = command["pair_headroom"] = inf
         command["body_a"] = command["body_b"] = NO_BODY
         for k in range(3):
             command["point_a"][k] = command["point_b"][k] = 0.0
         return
-    row = d.first_row[0] + near * NEAR_WIDTH
-    command["body_a"] = d.body_of[int(numbers[row + FIRST])]
-    command["body_b"] = d.body_of[int(numbers[row + SECOND])]
-    command["headroom"] = command["pair_headroom"] = numbers[row + HEADROOM]
-    command["distance"] = numbers[row + WITNESS]
+    near = d.near[nearest]
+    command["body_a"] = d.body_of[int(near.first)]
+    command["body_b"] = d.body_of[int(near.second)]
+    command["headroom"] = command["pair_headroom"] = near.headroom
+    command["distance"] = near.distance
     for k in range(3):
-        command["point_a"][k] = numbers[row + WITNESS + 1 + k]
-        command["point_b"][k] = numbers[row + WITNESS + 4 + k]
+        command["point_a"][k] = near.point_a[k]
+        command["point_b"][k] = near.point_b[k]

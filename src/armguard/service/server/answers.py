@@ -3,7 +3,6 @@
 import numpy as np
 
 from armguard.guard.levels import Level
-from armguard.service.desk.desk import FLAGS, LEVEL, REASON
 from armguard.service.server.judge import Judge
 from armguard.service.wire import Cause, Kind, Outbox
 from armguard.service.wire.layout import (
@@ -37,7 +36,7 @@ class Answers:
 
     def __init__(self, judge: Judge, outbox: Outbox) -> None:
         self.level, self.reason = STOP_LEVEL, 0
-        self._judge, self._given = judge, judge.desk.given.data
+        self._judge = judge
         self._outbox = outbox
         command = np.frombuffer(outbox.buffer, COMMAND.dtype, 1, HEADER.size)
         self._ended, self._level = command["ended"], command["level"]
@@ -49,11 +48,11 @@ class Answers:
 
     def seal(self, ended: int) -> memoryview:
         """The message that answers the last cycle, which had been judged then [ns]."""
-        given = self._given
+        cycle = self._judge.cycle
         self._ended[0] = ended
-        if given[FLAGS] & OBJECTS_CHANGED and given[LEVEL] < CAUTION:
-            self._level[0] = given[LEVEL] = CAUTION
-        self.level, self.reason = given[LEVEL], given[REASON]
+        if cycle.marks & OBJECTS_CHANGED and cycle.level < CAUTION:
+            self._level[0] = cycle.level = CAUTION
+        self.level, self.reason = cycle.level, cycle.reason
         return self._outbox.seal(Kind.COMMAND, self._size)
 
     def write_stop(

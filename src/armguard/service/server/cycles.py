@@ -7,17 +7,6 @@ from armguard.guard.events import EventLog
 from armguard.guard.levels import Level
 from armguard.recording.counters import FIRST_CAUSE
 from armguard.respond.units import SUSTAINED
-from armguard.service.desk.desk import (
-    BEGAN_AT,
-    BEGAN_BY,
-    BEGAN_WITH,
-    CAUSE,
-    COMMANDER,
-    CYCLE,
-    ENDED,
-    FLAGS,
-    START,
-)
 from armguard.service.server.context import Context
 from armguard.service.server.peers import Peer
 from armguard.service.wire import Cause
@@ -60,8 +49,7 @@ class Cycles:
         self._received = 0
         self._earliest = self._latest = self._last_start = 0
         self._force = Cause.NONE
-        given = context.judge.desk.given.data
-        self._given, self._given_u = given, given.cast("B").cast("Q")
+        self._cycle = context.judge.cycle
         # The commander whose desired motion looks like another unit, 0 if it does not;
         # since when it does [ns], and whether it was named.
         self._strange_by, self._strange_since, self._named = 0, 0, False
@@ -72,8 +60,8 @@ class Cycles:
     def begin_with(self, peer: Peer, sequence: int, now: int) -> None:
         """A state was received: the next cycle is its."""
         self._asker, self._fresh, self._received = peer, True, now
-        given = self._given_u
-        given[BEGAN_BY], given[BEGAN_WITH], given[BEGAN_AT] = peer.sender, sequence, now
+        cycle = self._cycle
+        cycle.began_by, cycle.began_with, cycle.began_at = peer.sender, sequence, now
         if self._spin:
             self.expected = now + self._period - self._spin
 
@@ -111,8 +99,8 @@ class Cycles:
         if not fresh:
             # No state was received when it should have been: sleep again.
             self.expected = NEVER
-            given = self._given
-            given[BEGAN_BY] = given[BEGAN_WITH] = given[BEGAN_AT] = 0
+            cycle = self._cycle
+            cycle.began_by = cycle.began_with = cycle.began_at = 0
         # A state is not made to wait for a grid: after every hiccup it would be off it.
         self._earliest = start + self._period // 2
         self._latest = start + self._period + (self._grace if fresh else 0)
@@ -205,20 +193,20 @@ class Cycles:
         Returns:
             The cause in the end, when it had been judged [ns], and the answer.
         """
-        context, given = self._context, self._given
+        context, cycle = self._context, self._cycle
         judge = context.judge
-        given[CYCLE], given[START], given[CAUSE] = number, start, cause
-        given[FLAGS] = HELD if cause else 0
+        cycle.number, cycle.start, cycle.cause = number, start, cause
+        cycle.marks = HELD if cause else 0
         if start < context.changed:
-            given[FLAGS] |= OBJECTS_CHANGED
-        self._given_u[COMMANDER] = context.command.sender
+            cycle.marks |= OBJECTS_CHANGED
+        cycle.commander = context.command.sender
         judge.ask(cause)
         ended = time.monotonic_ns()
-        given[ENDED] = ended
+        cycle.ended = ended
         if last and ended - last > self._limit:
             cause = self._force = Cause.DEADLINE_MISSED
-            given[CAUSE] = cause
-            given[FLAGS] |= MISSED
+            cycle.cause = cause
+            cycle.marks |= MISSED
             context.counters.count("deadline_missed")
             settings = context.settings
             sentence = (

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import RefusedError, SceneError
-from armguard.guard import layout
 from armguard.guard.given import likely_mistake
+from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 from armguard.guard.verdict import Verdict
+from armguard.record import attributes
 from armguard.recording.calls import GuardCall, Place, Release, Remove
 from armguard.recording.frames import HEADER, Kind, text_of
 from armguard.recording.recorded import RecordedGuard
@@ -21,17 +22,7 @@ from armguard.respond.units import DesiredUnits
 from armguard.respond.whole_cycle import NOT_JUDGED
 from armguard.scene import Scene
 from armguard.scene.tables import SceneTables
-from armguard.service.desk.desk import (
-    AS_WISHED,
-    ASK,
-    ASKED_COUNT,
-    ASKED_FORM,
-    ENDED,
-    MEASURED,
-    NOTHING,
-    START,
-    USED,
-)
+from armguard.service.desk.desk import AS_WISHED, NOTHING
 from armguard.service.desk.judging import begin_judging, conclude_judging, judge
 from armguard.service.desk.keeping import write_frame
 from armguard.service.desk.making import desk_of
@@ -83,7 +74,9 @@ class Judge:
         scene: What it guards.
         hash: The scene's hash, in hex.
         desk: What a cycle reads and writes.
-        address: Address of the desk's ledger.
+        lines: The desk's ledger.
+        arrival: The desk's message.
+        cycle: The desk's cycle.
         senders: Controller of each robot, 0 for none yet.
         sequences: Number of the newest state of each robot.
         complete: Whether every robot has had a state.
@@ -117,8 +110,9 @@ class Judge:
         self._tools, self._units = tools_of(tables), DesiredUnits(tables)
         self.desk = desk_of(tables, self._tools, message, answer)
         self._ledger = Ledger(self.desk)
-        self.address: int = self._ledger.lines.ctypes.data
-        self._given = self.desk.given.data
+        self.lines = self._ledger.lines
+        self.arrival = attributes(self.desk.arrival)
+        self.cycle = attributes(self.desk.cycle)
         self.senders = self.desk.sender.data.cast("B").cast("Q")
         self.sequences = self.desk.sequence.data.cast("B").cast("Q")
         self.complete = False
@@ -138,22 +132,22 @@ class Judge:
         if not self._judged:
             return None
         desk, tables = self.desk, self.guard.guard.tables
-        data = desk.numbers[: self._given[USED]].copy()
-        now = self._given[START] * 1e-9
-        took = (self._given[ENDED] - self._given[START]) * 1e-9
+        data = desk.out[: self.cycle.used].copy()
+        now = self.cycle.start * 1e-9
+        took = (self.cycle.ended - self.cycle.start) * 1e-9
         fault = ""
-        if data[layout.REASON] == Reason.OUT_OF_LIMITS:
+        if data[IN_HEADER.reason] == Reason.OUT_OF_LIMITS:
             fault = likely_mistake(desk.q, tables)
         verdict = Verdict(data, self.guard.guard.names, now, took, fault)
-        return Command(desk.told.copy(), tables.robots, verdict)
+        return Command(desk.command.copy(), tables.robots, verdict)
 
     def unit_of_wish(self) -> str:
         """In words, that the judged desired motion looks like another unit, or ""."""
-        given, desk = self._given, self.desk
-        if not self._judged or given[ASK] != AS_WISHED:
+        desk = self.desk
+        if not self._judged or self.cycle.ask != AS_WISHED:
             return ""
-        form = Form(given[ASKED_FORM])
-        rows = desk.rows[: given[ASKED_COUNT] // 6 * TWIST_ROW]
+        form = Form(self.cycle.asked_form)
+        rows = desk.rows[: self.cycle.asked_count // 6 * TWIST_ROW]
         return self._units.hint(FORMS[form], rows if form is Form.TWISTS else desk.wish)
 
     def ask(self, cause: Cause) -> None:
@@ -162,32 +156,32 @@ class Judge:
         Args:
             cause: Why the desired motion does not count, if it does not.
         """
-        self._given[ASK] = ASK_OF.get(cause, Reason.SERVICE_FAULT)
+        self.cycle.ask = ASK_OF.get(cause, Reason.SERVICE_FAULT)
         guard = self.guard.guard
         ledgers = guard.ledgers
         if guard.solves_compiled:
-            judge(self.address, *ledgers)
+            judge(self.lines, *ledgers)
         else:
-            unsolved = begin_judging(self.address, *ledgers)
+            unsolved = begin_judging(self.lines, *ledgers)
             if unsolved > 0:
                 unsolved = guard.solve_programs(unsolved)
-            conclude_judging(unsolved, self.address, *ledgers)
+            conclude_judging(unsolved, self.lines, *ledgers)
         self._judged = True
 
     def rewrite_answer(self) -> None:
         """Write the answer anew: why it is not what was judged is known only now."""
-        write_answer(self.address)
+        write_answer(self.lines)
 
     def write_down(self) -> None:
         """Keep the last cycle, now that it has been answered."""
-        given, desk = self._given, self.desk
+        desk = self.desk
         text = b""
-        if given[ASKED_FORM] == TWISTS:
-            text = self._text_of(given[ASKED_COUNT] // 6)
+        if self.cycle.asked_form == TWISTS:
+            text = self._text_of(self.cycle.asked_count // 6)
         self._poses = self.guard.guard.poses.reshape(-1)
         self._text_size = len(text)
-        length = HEADER + 2 * len(desk.q) + len(desk.stamps) + given[ASKED_COUNT]
-        length += len(desk.told) + given[USED] + len(self._poses)
+        length = HEADER + 2 * len(desk.q) + len(desk.stamps) + self.cycle.asked_count
+        length += len(desk.command) + self.cycle.used + len(self._poses)
         self.guard.write_row(length, self._fill, text)
 
     def look(self) -> None:
@@ -203,8 +197,8 @@ class Judge:
         if not self._judged:
             return True
         desk, n = self.desk, len(self.desk.q)
-        rests = not self._given[MEASURED] or (abs(desk.velocity) < RESTS).all()
-        return bool(rests) and not desk.told[:n].any()
+        rests = not self.arrival.measured or (abs(desk.velocity) < RESTS).all()
+        return bool(rests) and not desk.command[:n].any()
 
     def do(self, call: GuardCall) -> None:
         """Make a call of the guard, and remember where it leaves an object."""
@@ -323,28 +317,28 @@ class Judge:
 
     def _compile(self) -> None:
         """Compile, or load, what the loop calls; nothing was received or asked."""
-        take_state(self.address)
-        take_wish(self.address)
+        take_state(self.lines)
+        take_wish(self.lines)
         guard = self.guard.guard
         guard.reset()
         # No state is none that a guard believes: it only refuses.
         self.ask(Cause.WAITING)
         self.rewrite_answer()
-        begin_judging(self.address, *guard.ledgers)
-        conclude_judging(NOT_JUDGED, self.address, *guard.ledgers)
+        begin_judging(self.lines, *guard.ledgers)
+        conclude_judging(NOT_JUDGED, self.lines, *guard.ledgers)
         self._poses = guard.poses.reshape(-1)
-        self._fill(np.zeros(len(self._poses) + 8 * len(self.desk.numbers)), 0.0, 0.0)
+        self._fill(np.zeros(len(self._poses) + 8 * len(self.desk.out)), 0.0, 0.0)
         guard.reset()
         self._judged = False
         self.desk.held.fill(np.nan)
 
     def _fill(self, row: Floats, monotonic: float, wall: float) -> None:
         """Fill in the frame of the last cycle."""
-        write_frame(self.address, row, self._poses, monotonic, wall, self._text_size)
+        write_frame(self.lines, row, self._poses, monotonic, wall, self._text_size)
 
     def _text_of(self, count: int) -> bytes:
         """What a frame says of the tools of so many twists."""
-        tools = tuple(int(k) for k in self.desk.twists[:count, 0])
+        tools = tuple(int(k) for k in self.desk.twists["tool"][:count])
         if tools not in self._texts:
             names = [self._tools[k] for k in tools]
             self._texts[tools] = text_of({"fault": "", "tools": names})

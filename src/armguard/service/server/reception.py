@@ -10,17 +10,7 @@ from armguard.errors import RefusedError
 from armguard.guard.levels import Level, Reason
 from armguard.recording.counters import DROPS
 from armguard.scene.tables import SceneTables
-from armguard.service.desk.desk import (
-    HAS_WISH,
-    NOW,
-    OUTCOMES,
-    SENDER,
-    SEQUENCE,
-    SIZE,
-    TOKEN,
-    WATCHDOG,
-    WISH_OUTCOME,
-)
+from armguard.service.desk.desk import OUTCOMES
 from armguard.service.desk.making import bodies_of
 from armguard.service.desk.taking import take_state, take_wish
 from armguard.service.server.context import Context
@@ -72,10 +62,9 @@ class Reception:
     ) -> None:
         self._context, self._cycles, self._calls = context, cycles, calls
         self._buffer, self._message = buffer, memoryview(buffer)
-        given = context.judge.desk.given.data
-        self._given, self._given_u = given, given.cast("B").cast("Q")
+        self._arrival = arrival = context.judge.arrival
         settings = context.settings
-        given[WATCHDOG] = int(settings.controller_watchdog * NANO)
+        arrival.watchdog = int(settings.controller_watchdog * NANO)
         self._call_limit = int(settings.commander_watchdog * NANO)
         self._hellos_left = MOST_HELLOS
         # Why the WISH of the last message does not count because of its age.
@@ -183,7 +172,7 @@ class Reception:
         context = self._context
         judge = context.judge
         self._hand_over(peer, message, now)
-        drop = take_state(judge.address)
+        drop = take_state(judge.lines)
         if drop:
             return OUTCOMES[drop]
         if not peer.controls:
@@ -196,26 +185,26 @@ class Reception:
             holder = context.command.sender
             stop = context.answers.write_stop(0, Cause.WAITING, now, holder)
             context.send(stop, peer)
-        if self._given[HAS_WISH]:
-            return self._look_at_wish(self._given[WISH_OUTCOME], now)
+        if self._arrival.has_wish:
+            return self._look_at_wish(self._arrival.wish_outcome, now)
         return ""
 
     def _take_wish(self, peer: Peer, message: memoryview, now: int) -> str:
         """Take the desired motion over."""
         self._hand_over(peer, message, now)
-        return self._look_at_wish(take_wish(self._context.judge.address), now)
+        return self._look_at_wish(take_wish(self._context.judge.lines), now)
 
     def _hand_over(self, peer: Peer, message: memoryview, now: int) -> None:
         """Describe on the desk the message that is there."""
-        context, given = self._context, self._given_u
+        context, arrival = self._context, self._arrival
         command = context.command
-        given[SIZE], given[NOW] = len(message), now
-        given[SENDER] = peer.sender
-        given[SEQUENCE] = context.authenticator.head.sequence
+        arrival.length, arrival.now = len(message), now
+        arrival.sender = peer.sender
+        arrival.sequence = context.authenticator.head.sequence
         # A WISH that does not count because of its age shows a token that never fits.
         self._age = self._age_of(now, command.watchdog, "wish_late")
         owns = peer.sender == command.sender and not self._age
-        given[TOKEN] = command.token if owns else 0
+        arrival.token = command.token if owns else 0
 
     def _look_at_wish(self, outcome: int, now: int) -> str:
         """Why a WISH was dropped, "" if it counts."""
