@@ -30,9 +30,8 @@ from armguard.geometry import (
     ShapeKind,
     Sphere,
 )
+from peers.mujoco_margin import GEOM, placed
 from peers.shapes import along_z, coal_convex, outward_faces, peer_geometry
-
-GEOM = mujoco.mjtGeom
 
 # Beyond this MuJoCo is not asked for a distance [m].
 FARTHEST = 1e9
@@ -111,10 +110,7 @@ def add_geom(spec: Any, name: str, shape: Any, T: Any) -> bool:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         case _:
             return False
-    body = spec.worldbody.add_body(name=name, mocap=True)
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(T[:3, :3]).flatten())
-    body.pos, body.quat = T[:3, 3], quaternion
+    body = spec.worldbody.add_body(name=name, mocap=True, **placed(T))
     geom = body.add_geom(name=name, type=kind, size=list(size))
     if kind == GEOM.mjGEOM_MESH:
         geom.meshname = name

@@ -1,7 +1,8 @@
 """A scene's true geometry as a MuJoCo model: capsules, boxes, spheres, raw meshes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,16 +15,14 @@ from armguard.robot.model import Cylinder, MeshFile
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import link_frame
 from arrays import Floats
-from peers.mujoco_margin import as_text, quaternion
+from peers.mujoco_margin import GEOM, bodies_of, geom, placed
 
 # Distance up to which the model reports pairs [m].
 SIGHT = 0.06
 
-# The same as an attribute of every geom.
-MARGIN = f'margin="{SIGHT!r}"'
-
 # Elements of links as their files have them: what, and its frame in the body's, (4, 4).
-Elements = dict[str, list[tuple[Shape | Cylinder | MeshFile, Floats]]]
+Element = Shape | Cylinder | MeshFile
+Elements = dict[str, list[tuple[Element, Floats]]]
 
 
 class JudgeModel:
@@ -45,8 +44,10 @@ class JudgeModel:
 
     def __init__(self, scene: Scene, tables: SceneTables) -> None:
         self.robots = tuple(scene.robots)
-        text = mjcf(scene, tables, own_elements(scene))
-        self.model = mujoco.MjModel.from_xml_string(text)
+        owned: dict[str, list[int]] = {name: [] for name in scene.objects}
+        for i, owner in enumerate(tables.body_names):
+            owned.setdefault(owner, []).append(i)
+        self.model = model_of(tables, owned, own_elements(scene))
         m = self.model
         names = [m.body(int(m.geom_bodyid[g])).name for g in range(m.ngeom)]
         self.owners = [name.removeprefix("o:") for name in names]
@@ -82,109 +83,80 @@ def own_elements(scene: Scene) -> Elements:
     return found
 
 
-def mjcf(scene: Scene, tables: SceneTables, elements: Elements) -> str:
-    """The model as text."""
-    owned: dict[str, list[int]] = {name: [] for name in scene.objects}
-    for i, owner in enumerate(tables.body_names):
-        owned.setdefault(owner, []).append(i)
-    inner: dict[int, str] = {}
-    assets = ""
-    for owner, own in owned.items():
-        shapes = (
-            []
-            if owner in elements
-            else [primitive(int(tables.kinds[i]), tables.local_rows[i]) for i in own]
-        )
-        for k, (geometry, T) in enumerate(elements.get(owner, [])):
-            at = placed(T)
-            if not isinstance(geometry, MeshFile):
-                shapes.append(f"<geom {kind_and_size(geometry)} {MARGIN} {at}/>")
-                continue
-            triangles = load_triangles(geometry).reshape(-1, 3, 3)
-            for i, part in enumerate(convex_parts(triangles)):
-                mesh = f"m:{owner}:{k}:{i}"
-                assets += f'<mesh name="{mesh}" vertex="{as_text(part.ravel())}"/>'
-                shapes.append(f'<geom type="mesh" mesh="{mesh}" {MARGIN} {at}/>')
-        body = int(tables.bodies[own[0]])
-        geoms = "".join(shapes)
-        inner.setdefault(body, "")
-        inner[body] += f'<body name="o:{owner}">{geoms}</body>'
-    children: dict[int, list[int]] = {}
-    for b, up in enumerate(tables.parent):
-        children.setdefault(int(up), []).append(b)
+def model_of(
+    tables: SceneTables, owned: Mapping[str, list[int]], elements: Elements
+) -> mujoco.MjModel:
+    """The model, with a body for each owner.
 
-    def tree(b: int) -> str:
-        below = "".join(tree(child) for child in children.get(b, []))
-        return joint(tables, b) + inner.get(b, "") + below + "</body>"
+    Args:
+        tables: The scene's tables.
+        owned: Primitives of each owner.
+        elements: See `own_elements`.
 
-    bodies = "".join(tree(b) for b in children[-1])
-    return (
-        "<mujoco><option><flag filterparent='disable'/></option>"
-        "<size memory='64M'/>"
-        f"<asset>{assets}</asset>"
-        f"<worldbody>{inner.get(-1, '')}{bodies}</worldbody>"
-        f"<contact>{exclusions(tables, owned)}</contact></mujoco>"
-    )
+    Raises:
+        ValueError: The judge has no shape for a primitive or an element.
+    """
+    rounded = (tables.kinds == ShapeKind.BOX) & (tables.local_rows[:, 0] > 0.0)
+    spec = mujoco.MjSpec()
+    spec.memory = 64 << 20
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    for b, above in bodies_of(spec, tables):
+        for owner in [o for o, own in owned.items() if tables.bodies[own[0]] == b]:
+            body = above.add_body(name=f"o:{owner}")
+            for i in [] if owner in elements else owned[owner]:
+                if rounded[i]:
+                    raise ValueError("the judge has no rounded boxes")
+                shape = geom(int(tables.kinds[i]), tables.local_rows[i])
+                body.add_geom(margin=SIGHT, **shape)
+            for k, (geometry, T) in enumerate(elements.get(owner, [])):
+                for shape in geoms_of(spec, f"{owner}:{k}", geometry):
+                    body.add_geom(margin=SIGHT, **shape, **placed(T))
+    group = {owner: tables.groups[own[0]] for owner, own in owned.items()}
+    for a, b in combinations(owned, 2):
+        if not tables.checked[group[a], group[b]]:
+            spec.add_exclude(bodyname1=f"o:{a}", bodyname2=f"o:{b}")
+    return spec.compile()
 
 
-def joint(tables: SceneTables, b: int) -> str:
-    """A body of the tables with its joint; left open for what rides on it."""
-    T = tables.T_parent_joint[b].reshape(3, 4)
-    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    text = f'<body name="b{b}" {placed(T)}>{inertial}'
-    kind = {1: "hinge", 2: "slide"}.get(int(tables.joint_kind[b]))
-    if kind is None:
-        return text
-    axis = as_text(tables.axis[b])
-    return text + f'<joint name="j{b}" type="{kind}" axis="{axis}"/>'
+def geoms_of(
+    spec: mujoco.MjSpec, name: str, geometry: Element
+) -> Iterator[dict[str, Any]]:
+    """An element of a link as attributes of geoms: a mesh is one for each convex part.
+
+    Args:
+        spec: Where meshes are added.
+        name: Begins their names.
+        geometry: The element.
+    """
+    if not isinstance(geometry, MeshFile):
+        yield element(geometry)
+        return
+    triangles = load_triangles(geometry).reshape(-1, 3, 3)
+    for i, part in enumerate(convex_parts(triangles)):
+        yield hull(spec, f"m:{name}:{i}", part)
 
 
-def placed(T: Floats) -> str:
-    """A frame of three or four rows as attributes."""
-    return f'pos="{as_text(T[:3, 3])}" quat="{quaternion(T[:3, :3])}"'
+def hull(spec: mujoco.MjSpec, name: str, vertices: Floats) -> dict[str, Any]:
+    """The hull of vertices, shape (k, 3) [m], as the attributes of a geom."""
+    spec.add_mesh(name=name, uservert=vertices.ravel())
+    return {"type": GEOM.mjGEOM_MESH, "meshname": name}
 
 
-def kind_and_size(geometry: Shape | Cylinder) -> str:
-    """What a link's element is, about the origin of its frame.
+def element(geometry: Shape | Cylinder) -> dict[str, Any]:
+    """What a link's element is, about the origin of its frame, as a geom's attributes.
 
     Raises:
         ValueError: The judge has no such shape.
     """
     if isinstance(geometry, Cylinder):
-        return f'type="cylinder" size="{geometry.radius!r} {geometry.length / 2.0!r}"'
+        size = (geometry.radius, geometry.length / 2.0, 0.0)
+        return {"type": GEOM.mjGEOM_CYLINDER, "size": size}
     if isinstance(geometry, Sphere):
-        return f'type="sphere" size="{geometry.radius + geometry.rounding!r}"'
+        radius = geometry.radius + geometry.rounding
+        return {"type": GEOM.mjGEOM_SPHERE, "size": (radius, 0.0, 0.0)}
     if isinstance(geometry, Box) and geometry.rounding == 0.0:
-        return f'type="box" size="{as_text(np.array(geometry.half_extents))}"'
+        return {"type": GEOM.mjGEOM_BOX, "size": geometry.half_extents}
     raise ValueError(f"the judge has no shape for {type(geometry).__name__}")
-
-
-def primitive(kind: int, row: Floats) -> str:
-    """A primitive as a geom.
-
-    Raises:
-        ValueError: The judge has no such shape.
-    """
-    at = f'pos="{as_text(row[1:4])}"'
-    size = repr(float(row[0]))
-    if kind == ShapeKind.CAPSULE:
-        at = f'fromto="{as_text(row[1:7])}"'
-    elif kind == ShapeKind.BOX and row[0] == 0.0:
-        size = as_text(row[4:7])
-        at += f' quat="{quaternion(row[7:16].reshape(3, 3))}"'
-    elif kind != ShapeKind.SPHERE:
-        raise ValueError(f"the judge has no shape for {ShapeKind(kind).name}")
-    return f'<geom {MARGIN} type="{ShapeKind(kind).name.lower()}" size="{size}" {at}/>'
-
-
-def exclusions(tables: SceneTables, owned: dict[str, list[int]]) -> str:
-    """Pairs of owners the scene does not check."""
-    group = {owner: tables.groups[own[0]] for owner, own in owned.items()}
-    return "".join(
-        f'<exclude body1="o:{a}" body2="o:{b}"/>'
-        for a, b in combinations(owned, 2)
-        if not tables.checked[group[a], group[b]]
-    )
 
 
 # Triangles are divided if that makes their hulls smaller than this share [-], and so

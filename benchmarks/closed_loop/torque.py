@@ -8,7 +8,7 @@ the joints and a payload that it knows only roughly. What moves is MuJoCo's mode
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import mujoco
@@ -21,10 +21,9 @@ from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import SceneRobot
 from arrays import Floats, Ints
-from closed_loop.judge_model import placed
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import UNKNOWN, joined
-from peers.mujoco_margin import as_text
+from peers.mujoco_margin import placed, quaternion_of
 
 # Friction of a joint: Coulomb, and viscous at top speed, in shares of its torque [-].
 COULOMB = 0.02
@@ -99,21 +98,23 @@ def torque_model(scene: Scene, figures: Sequence[StoppingFigures]) -> TorqueMode
         scene: The scene.
         figures: Declared figures of each arm.
     """
-    bodies, motors, first = "", [], 0
+    spec = mujoco.MjSpec()
+    spec.compiler.balanceinertia = True
+    spec.option.timestep, spec.option.gravity = SUBSTEP, (0.0, 0.0, -G)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    motors, first = [], 0
     for robot in scene.robots.values():
         table = kinematic_table(robot.model)
         own = list(motors_of(robot, table, first))
-        bodies += arm(robot, table, own)
+        add_arm(spec, robot, table, own)
         motors += own
         first += table.q_count
-    text = (
-        f'<mujoco><compiler angle="radian" balanceinertia="true"/>'
-        f'<option timestep="{SUBSTEP!r}" gravity="0 0 -{G}" '
-        'integrator="implicitfast"><flag contact="disable"/></option>'
-        f"<worldbody>{bodies}</worldbody>"
-        f"<actuator>{''.join(map(actuator, motors))}</actuator></mujoco>"
-    )
-    model = mujoco.MjModel.from_xml_string(text)
+    for motor in motors:
+        # A servo; its gains are set later.
+        joint, affine = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtBias.mjBIAS_AFFINE
+        spec.add_actuator(trntype=joint, target=motor.name, biastype=affine)
+    model = spec.compile()
     places = np.array([motor.place for motor in motors])
     payloads = [model.body(f"{name}:payload").id for name in scene.robots]
     heaviest = heaviest_payload(model, places, payloads, scene, figures)
@@ -208,39 +209,35 @@ def motors_of(robot: SceneRobot, table: KinematicTable, first: int) -> Iterator[
         yield Motor(f"{robot.name}:{body}", first + place, limits[name], joint.velocity)
 
 
-def arm(robot: SceneRobot, table: KinematicTable, motors: list[Motor]) -> str:
-    """Bodies of an arm, from its base to its payload."""
+def add_arm(
+    spec: mujoco.MjSpec, robot: SceneRobot, table: KinematicTable, motors: list[Motor]
+) -> None:
+    """Add the bodies of an arm, from its base to its payload."""
     inertials = dict(inertials_of(robot))
     own = {motor.name: motor for motor in motors}
-    children: dict[int, list[int]] = {}
-    for body, parent in enumerate(table.parent.tolist()):
-        children.setdefault(parent, []).append(body)
-
-    def body_of(body: int) -> str:
-        T = np.eye(4)
-        T[:3] = table.T_parent_joint[body].reshape(3, 4)
-        if body == 0:
-            T = robot.base.matrix()
-        name = f"{robot.name}:{body}"
-        inner = joint(own[name], table.axis[body]) if name in own else ""
+    bodies = {-1: spec.worldbody}
+    for b, up in enumerate(table.parent.tolist()):
+        T = table.T_parent_joint[b].reshape(3, 4) if b else robot.base.matrix()
+        bodies[b] = body = bodies[up].add_body(**placed(T))
+        name = f"{robot.name}:{b}"
+        if name in own:
+            body.add_joint(axis=table.axis[b], **joint(own[name]))
         for link, place in table.body_of_link.items():
-            if place == body and link in inertials:
+            if place == b and link in inertials:
                 frame = placed(table.T_body_link[link])
-                inner += f"<body {frame}>{inertials[link]}</body>"
+                body.add_body(**frame, explicitinertial=True, **inertials[link])
         if name == motors[-1].name:
-            arms = PAYLOAD_ARM * np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
-            inner += (
-                f'<body name="{robot.name}:payload"><inertial mass="1" '
-                f'pos="{as_text(arms)}" diaginertia="1e-3 1e-3 1e-3"/></body>'
+            body.add_body(
+                name=f"{robot.name}:payload",
+                explicitinertial=True,
+                mass=1.0,
+                ipos=PAYLOAD_ARM * np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0),
+                inertia=(1e-3, 1e-3, 1e-3),
             )
-        below = "".join(body_of(child) for child in children.get(body, []))
-        return f"<body {placed(T)}>{inner}{below}</body>"
-
-    return "".join(body_of(root) for root in children[-1])
 
 
-def inertials_of(robot: SceneRobot) -> Iterator[tuple[str, str]]:
-    """Mass and inertia of each link of the robot's URDF that has any."""
+def inertials_of(robot: SceneRobot) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Mass and inertia of each link of the robot's URDF that has any, as attributes."""
     for link in ElementTree.parse(robot.model.path).getroot().findall("link"):
         found = link.find("inertial")
         if found is None or float(found.find("mass").get("value")) == 0.0:
@@ -261,27 +258,21 @@ def inertials_of(robot: SceneRobot) -> Iterator[tuple[str, str]]:
             axes[:, 0] = -axes[:, 0]
         T[:3, :3] = T[:3, :3] @ axes
         mass = float(found.find("mass").get("value"))
-        yield (
-            link.get("name", ""),
-            f'<inertial mass="{mass!r}" {placed(T)} diaginertia="{as_text(moments)}"/>',
-        )
+        turn = quaternion_of(T[:3, :3])
+        frame = {"ipos": T[:3, 3], "iquat": turn, "inertia": moments}
+        yield link.get("name", ""), {"mass": mass, **frame}
 
 
-def joint(motor: Motor, axis: Floats) -> str:
+def joint(motor: Motor) -> dict[str, Any]:
     """A joint with friction, a motor's inertia and the limit of its torque."""
-    return (
-        f'<joint name="{motor.name}" axis="{as_text(axis)}" '
-        f'frictionloss="{COULOMB * motor.torque!r}" '
-        f'damping="{VISCOUS * motor.torque / motor.velocity!r}" '
-        f'armature="{ROTOR * motor.torque!r}" '
-        f'actuatorfrclimited="true" '
-        f'actuatorfrcrange="-{motor.torque!r} {motor.torque!r}"/>'
-    )
-
-
-def actuator(motor: Motor) -> str:
-    """The servo of a joint; its gains are set later."""
-    return f'<general joint="{motor.name}" biastype="affine"/>'
+    return {
+        "name": motor.name,
+        "frictionloss": COULOMB * motor.torque,
+        "damping": VISCOUS * motor.torque / motor.velocity,
+        "armature": ROTOR * motor.torque,
+        "actfrclimited": True,
+        "actfrcrange": (-motor.torque, motor.torque),
+    }
 
 
 def nominal_inertia(model: mujoco.MjModel) -> Floats:

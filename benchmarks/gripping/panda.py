@@ -15,10 +15,10 @@ from armguard.errors import ArmguardError
 from armguard.geometry import Pose
 from armguard.respond import Action, Command, Guard
 from armguard.robot.meshes import load_triangles
-from armguard.robot.model import Joint, JointKind, MeshFile, RobotModel
+from armguard.robot.model import Cylinder, JointKind, MeshFile, RobotModel
 from armguard.scene import Gripper, Scene
 from arrays import Floats
-from closed_loop.judge_model import kind_and_size, placed
+from closed_loop.judge_model import element, hull
 from gripping.judge import FINGERS, HELD, Judge, Pair
 from gripping.pick_and_place import (
     Outcome,
@@ -30,7 +30,7 @@ from gripping.pick_and_place import (
 )
 from gripping.plant import Plant
 from gripping.workplace import PERIOD, STOPPING, Solid, Tool, Workplace, box, cluttered
-from peers.mujoco_margin import as_text
+from peers.mujoco_margin import GEOM, INERTIA, JOINTS, placed
 
 # Where it is: its base is beside the table [m].
 BASE = (-0.6, 0.0, 0.0)
@@ -41,6 +41,9 @@ PARTS = {HAND: "hand", "panda_leftfinger": "left", "panda_rightfinger": "right"}
 
 # Joints of the arm; its last position is that of both fingers.
 ARM = 7
+
+# Joints that move as MuJoCo has them.
+MOVES = {JointKind.REVOLUTE: JOINTS[1], JointKind.PRISMATIC: JOINTS[2]}
 
 # Axes of a hand that looks down, with its fingers one beside the other along y.
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -76,7 +79,7 @@ class PandaArm:
     """
 
     def __init__(self, model: RobotModel, solids: dict[str, Solid]) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf(model, solids))
+        self.model = model_of(model, solids)
         self.data = mujoco.MjData(self.model)
         m = self.model
         names = [m.body(int(m.geom_bodyid[g])).name for g in range(m.ngeom)]
@@ -136,59 +139,41 @@ class PandaArm:
         return np.asarray(speeds)
 
 
-def mjcf(model: RobotModel, solids: dict[str, Solid]) -> str:
-    """The robot by its own files, and what is round it, as text."""
-    assets: list[str] = []
-    children: dict[str, list[Joint]] = {}
-    for joint in model.joints.values():
-        children.setdefault(joint.parent, []).append(joint)
-
-    def tree(link: str, frame: str, moved: str) -> str:
-        below = ""
-        for joint in children.get(link, []):
-            below += tree(joint.child, placed(joint.T_parent_joint), as_joint(joint))
-        inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-        own = geoms(model, link, assets)
-        return f'<body name="{link}" {frame}>{inertia}{moved}{own}{below}</body>'
-
-    robot = tree(model.root, placed(Pose(xyz=BASE).matrix()), "")
-    around = "".join(as_geom(name, solid) for name, solid in solids.items())
-    return (
-        f"<mujoco><asset>{''.join(assets)}</asset>"
-        f"<worldbody>{around}{robot}</worldbody></mujoco>"
-    )
+def model_of(robot: RobotModel, solids: dict[str, Solid]) -> mujoco.MjModel:
+    """The robot by its own files, and what is round it."""
+    spec = mujoco.MjSpec()
+    world = spec.worldbody
+    for name, solid in solids.items():
+        shape = {"type": GEOM.mjGEOM_BOX, "size": solid.half}
+        if solid.radius:
+            shape = element(Cylinder(solid.radius, 2.0 * float(solid.half[2])))
+        world.add_geom(name=f"solid:{name}", pos=solid.at, **shape)
+    base = placed(Pose(xyz=BASE).matrix())
+    root = world.add_body(name=robot.root, **base, **INERTIA)
+    add_link(spec, robot, robot.root, root)
+    return spec.compile()
 
 
-def geoms(model: RobotModel, link: str, assets: list[str]) -> str:
-    """The shapes of a link as its files have them; meshes are added to the assets."""
-    text = ""
-    for k, element in enumerate(model.links[link].collisions):
-        if isinstance(element.geometry, MeshFile):
-            corners = load_triangles(element.geometry).reshape(-1, 3)
-            vertices = as_text(np.unique(corners, axis=0).ravel())
-            assets.append(f'<mesh name="{link}{k}" vertex="{vertices}"/>')
-            kind = f'type="mesh" mesh="{link}{k}"'
-        else:
-            kind = kind_and_size(element.geometry)
-        text += f"<geom {kind} {placed(element.T_link_geometry)}/>"
-    return text
-
-
-def as_joint(joint: Joint) -> str:
-    """A joint of a body as text; nothing where the body does not move."""
-    kind = {JointKind.REVOLUTE: "hinge", JointKind.PRISMATIC: "slide"}.get(joint.kind)
-    if kind is None:
-        return ""
-    return f'<joint type="{kind}" axis="{as_text(joint.axis)}"/>'
-
-
-def as_geom(name: str, solid: Solid) -> str:
-    """A solid, as text."""
-    at = f'name="solid:{name}" pos="{as_text(solid.at)}"'
-    if solid.radius:
-        sizes = f"{solid.radius!r} {float(solid.half[2])!r}"
-        return f'<geom type="cylinder" size="{sizes}" {at}/>'
-    return f'<geom type="box" size="{as_text(solid.half)}" {at}/>'
+def add_link(spec: mujoco.MjSpec, robot: RobotModel, link: str, body: Any) -> None:
+    """Add the shapes of a link as its files have them, and the links it carries."""
+    for k, part in enumerate(robot.links[link].collisions):
+        shape = (
+            hull(
+                spec,
+                f"{link}{k}",
+                np.unique(load_triangles(part.geometry).reshape(-1, 3), axis=0),
+            )
+            if isinstance(part.geometry, MeshFile)
+            else element(part.geometry)
+        )
+        body.add_geom(**shape, **placed(part.T_link_geometry))
+    for joint in robot.joints.values():
+        if joint.parent == link:
+            frame = placed(joint.T_parent_joint)
+            child = body.add_body(name=joint.child, **frame, **INERTIA)
+            if kind := MOVES.get(joint.kind):
+                child.add_joint(type=kind, axis=joint.axis)
+            add_link(spec, robot, joint.child, child)
 
 
 # Distance up to which pairs are measured [m].

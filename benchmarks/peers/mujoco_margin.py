@@ -1,5 +1,6 @@
 """MuJoCo: kinematics and collision with a margin."""
 
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
 
@@ -24,21 +25,32 @@ INERTIA = {
 }
 
 
-def as_text(values: Floats) -> str:
-    """Numbers for an attribute, exact."""
-    return " ".join(repr(float(v)) for v in values)
-
-
-def quaternion(R: Floats) -> str:
-    """Quaternion of a rotation, scalar first, for an attribute."""
-    return as_text(quaternion_of(R))
-
-
 def quaternion_of(R: Floats) -> Floats:
     """Quaternion of a rotation, scalar first."""
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(R).reshape(9))
     return quat
+
+
+def placed(T: Floats) -> dict[str, Floats]:
+    """A frame of three or four rows as attributes."""
+    return {"pos": T[:3, 3], "quat": quaternion_of(T[:3, :3])}
+
+
+def bodies_of(spec: mujoco.MjSpec, tables: SceneTables) -> Iterator[tuple[int, Any]]:
+    """Add the bodies of a scene's tables, with their joints.
+
+    Yields:
+        Number of each body, -1 of the world's, and the body; none rides on it yet.
+    """
+    bodies: dict[int, Any] = {-1: spec.worldbody}
+    yield -1, spec.worldbody
+    for b, up in enumerate(tables.parent.tolist()):
+        frame = placed(tables.T_parent_joint[b].reshape(3, 4))
+        bodies[b] = body = bodies[up].add_body(name=f"b{b}", **frame, **INERTIA)
+        if kind := JOINTS.get(int(tables.joint_kind[b])):
+            body.add_joint(name=f"j{b}", type=kind, axis=tables.axis[b])
+        yield b, body
 
 
 def model_of(tables: SceneTables) -> mujoco.MjModel:
@@ -50,14 +62,7 @@ def model_of(tables: SceneTables) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.memory = 64 << 20
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
-    bodies: dict[int, Any] = {-1: spec.worldbody}
-    for b, up in enumerate(tables.parent.tolist()):
-        T = tables.T_parent_joint[b].reshape(3, 4)
-        turn = quaternion_of(T[:, :3])
-        body = bodies[up].add_body(name=f"b{b}", pos=T[:, 3], quat=turn, **INERTIA)
-        if kind := JOINTS.get(int(tables.joint_kind[b])):
-            body.add_joint(name=f"j{b}", type=kind, axis=tables.axis[b])
-        bodies[b] = body
+    bodies = dict(bodies_of(spec, tables))
     margin = {"margin": tables.margin, "gap": tables.margin}
     for i, b in enumerate(tables.bodies.tolist()):
         shape = geom(int(tables.kinds[i]), tables.local_rows[i])
@@ -70,13 +75,19 @@ def model_of(tables: SceneTables) -> mujoco.MjModel:
 
 
 def geom(kind: int, row: Floats) -> dict[str, Any]:
-    """A primitive as the attributes of a geom."""
+    """A primitive as the attributes of a geom.
+
+    Raises:
+        ValueError: MuJoCo has no such shape.
+    """
     if kind == ShapeKind.SPHERE:
         return {"type": GEOM.mjGEOM_SPHERE, "size": (row[0], 0, 0), "pos": row[1:4]}
     if kind == ShapeKind.CAPSULE:
         size = row[0], 0, 0
         return {"type": GEOM.mjGEOM_CAPSULE, "size": size, "fromto": row[1:7]}
-    # MuJoCo has no rounded box; the benchmark's scenes have none either.
+    if kind != ShapeKind.BOX:
+        raise ValueError(f"MuJoCo has no shape for {ShapeKind(kind).name}")
+    # MuJoCo has no rounded box: one grown by the radius is larger at its edges.
     return {
         "type": GEOM.mjGEOM_BOX,
         "size": row[4:7] + row[0],
