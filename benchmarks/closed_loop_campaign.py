@@ -21,7 +21,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from closed_loop.plan import work
@@ -292,7 +291,7 @@ def campaign_of(plans: Mapping[str, Plan]) -> Campaign:
     return Campaign(
         results=DOCS / "closed_loop.json",
         kinds={name: partial(run_episode, plan) for name, plan in plans.items()},
-        version=version_of(Path(__file__).parent / "closed_loop"),
+        version=version_of("closed_loop.plan"),
         extreme=EXTREME,
         summed_up=lambda name, episodes: sums(plans[name], episodes),
         derived=lambda name, found: derived(plans[name], found),

@@ -16,7 +16,6 @@ there was a way out at all.
 import sys
 from collections.abc import Iterable
 from functools import partial, reduce
-from pathlib import Path
 
 from closed_loop.judge_model import SIGHT
 from episodes.campaign import Campaign
@@ -25,15 +24,7 @@ from episodes.records import LISTED, Digest, Extreme, Figures, merged, version_o
 from evading.episode import run_episode
 from pages import DOCS
 
-HERE = Path(__file__).parent
-
 PLACES = ("bay", "pandas")
-
-# Files of others that decide what comes of an episode.
-SHARED = (
-    *("closed_loop/judge.py", "closed_loop/judge_model.py", "closed_loop/scenes.py"),
-    *("closed_loop/truth.py", "episodes/follower.py"),
-)
 
 # Least share of the things that can be evaded that are to be [-].
 SHARE = 0.95
@@ -130,7 +121,7 @@ def is_notable(episode: Figures) -> bool:
 CAMPAIGN = Campaign(
     results=DOCS / "evading.json",
     kinds={place: partial(run_episode, place) for place in PLACES},
-    version=version_of(HERE / "evading", *(HERE / name for name in SHARED)),
+    version=version_of("evading.episode"),
     extreme=EXTREME,
     summed_up=lambda _, episodes: summed_up(episodes),
     digest=digest,

@@ -18,28 +18,22 @@ the Panda's own meshes by MuJoCo.
 
 import sys
 from collections import Counter
-from functools import cache
-from pathlib import Path
 
 from armguard.scene import Grasp
-from episodes import records
 from episodes.campaign import Campaign
 from episodes.classes import counted
-from episodes.records import LISTED, Digest, Extreme, Figures
+from episodes.records import LISTED, Digest, Extreme, Figures, version_of
 from gripping import changing_intent, panda, pick_and_place, unintended
 from gripping.gantry import FIGURES
 from gripping.pick_and_place import UNNAMED
 from pages import DOCS
 
-HERE = Path(__file__).parent
-
-# Kinds with files of their own, whose names begin with the kind's; and files of others
-# that decide what comes of an episode.
-OF_ONE_KIND = ("panda", "unintended")
-SHARED = tuple(
-    HERE / name
-    for name in ("episodes/follower.py", "closed_loop/truth.py", "robots.py")
-)
+KINDS = {
+    "placing": pick_and_place.run_episode,
+    "changing": changing_intent.run_episode,
+    "panda": panda.run_episode,
+    "unintended": unintended.run_episode,
+}
 
 # Joints miss commands, so a contact may be as much faster than creep: two of
 # the gantry, or those of a Panda, by their levers and that of a finger; and the judge's
@@ -47,7 +41,7 @@ SHARED = tuple(
 LEVERS = {"panda": 4.5}
 CREEP = {
     kind: Grasp().creep + LEVERS.get(kind, 2.0) * FIGURES["tracking_error"] + 1e-6
-    for kind in ("placing", "changing", "panda", "unintended")
+    for kind in KINDS
 }
 
 # How far a contact that is intended may go, where what is held is as well known as a
@@ -140,26 +134,10 @@ def is_notable(episode: Figures) -> bool:
     return bool(episode["touched"] or episode["stops"] or episode.get("failed"))
 
 
-@cache
-def version(kind: str) -> str:
-    """Hash of all that decides what comes of an episode of a kind."""
-    own = [
-        path
-        for path in sorted((HERE / "gripping").glob("*.py"))
-        if path.name.startswith(kind) or not path.name.startswith(OF_ONE_KIND)
-    ]
-    return records.version(kind, [*own, *SHARED])
-
-
 CAMPAIGN = Campaign(
     results=DOCS / "gripping_campaign.json",
-    kinds={
-        "placing": pick_and_place.run_episode,
-        "changing": changing_intent.run_episode,
-        "panda": panda.run_episode,
-        "unintended": unintended.run_episode,
-    },
-    version=version,
+    kinds=KINDS,
+    version=lambda kind: version_of(KINDS[kind].__module__)(kind),
     extreme=EXTREME,
     summed_up=summed_up,
     digest=digest,

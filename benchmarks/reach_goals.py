@@ -17,7 +17,6 @@ import argparse
 import sys
 from collections.abc import Iterator, Mapping
 from functools import partial
-from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -29,14 +28,6 @@ from reach.answers import ANSWERS, PEERS, is_installed
 from reach.arena import SCENES, is_there
 from reach.runs import work
 from reach.summary import digest, write_page
-
-HERE = Path(__file__).parent
-
-# Files of others that decide what comes of a trial.
-SHARED = (
-    *("closed_loop/judge.py", "closed_loop/judge_model.py", "closed_loop/plant.py"),
-    *("closed_loop/scenes.py", "closed_loop/settings.py", "episodes/follower.py"),
-)
 
 # So many trials are run with one answer before the next one has its turn.
 TURN = 10
@@ -92,7 +83,7 @@ def campaign_of(kinds: list[str]) -> Campaign:
     return Campaign(
         results=DOCS / "reach.json",
         kinds={kind: partial(work, *kind.split("/")) for kind in kinds},
-        version=version_of(HERE / "reach", *(HERE / name for name in SHARED)),
+        version=version_of("reach.runs"),
         extreme={"first": lambda one, _: one},
         summed_up=summed_up,
         digest=digest,

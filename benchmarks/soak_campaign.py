@@ -14,7 +14,6 @@ import sys
 from collections import Counter
 from collections.abc import Mapping
 from functools import cache, partial
-from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -23,7 +22,7 @@ from armguard.respond import Action, Guard
 from armguard.scene import bay_scene
 from episodes.campaign import Campaign, Episode
 from episodes.follower import Arms
-from episodes.records import Digest, Figures, version
+from episodes.records import Digest, Figures, version_of
 from pages import DOCS
 from speed.memory import resident_kib
 from speed.scenes import sway
@@ -220,7 +219,7 @@ def is_broken(figures: Figures) -> bool:
 CAMPAIGN = Campaign(
     results=DOCS / "soak.json",
     kinds={kind: partial(run_episode, kind) for kind in KINDS},
-    version=partial(version, files=[Path(__file__)]),
+    version=version_of("soak_campaign"),
     extreme={"most_in_a_row": max, "most_growth_kib": max},
     summed_up=summed_up,
     digest=digest,

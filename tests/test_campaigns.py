@@ -331,3 +331,13 @@ def test_an_episode_of_a_soak_depends_on_its_seed_alone(kind, monkeypatch):
 
     assert digests([0, 1, 2]) == digests([2, 0, 1])
     assert digests([1]) == {1: digests([0, 1])[1]}
+
+
+def test_the_version_of_a_campaign_has_all_that_decides_its_episodes():
+    names = {path.relative_to(records.BENCHMARKS).as_posix() for path in
+             records.sources_of("reach.runs")}  # fmt: skip
+    assert {"closed_loop/truth.py", "closed_loop/watch.py", "reach/goals.py"} <= names
+    assert {"peers/__init__.py", "peers/mujoco_margin.py"} <= names
+    assert not {"reach/summary.py", "episodes/campaign.py", "pages.py"} & names
+    one, other = records.version_of("reach.runs"), records.version_of("motions.thin")
+    assert one("bay") != one("pandas") and one("bay") != other("bay")

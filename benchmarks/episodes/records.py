@@ -9,6 +9,7 @@ as many episodes. It is carried over to today's version where a sample of its ep
 run again, is the same.
 """
 
+import ast
 import fcntl
 import json
 import os
@@ -24,6 +25,11 @@ from episodes.kernels import GUARD, kernels_of
 
 Figures = dict[str, Any]
 Extreme = Mapping[str, Callable[[float, float], float]]
+
+BENCHMARKS = Path(__file__).parents[1]
+
+# Modules that only write down what came of episodes.
+WRITING = ("episodes.campaign", "episodes.kernels", "episodes.records", "pages")
 
 # So many seeds in which something was found are listed.
 LISTED = 20
@@ -48,36 +54,43 @@ class Digest(NamedTuple):
     counts: Mapping[str, float] = {}
 
 
-def version(what: str, files: Iterable[Path]) -> str:
-    """Hash of the kernels and of all files that decide what comes of an episode.
+def version_of(*modules: str) -> Callable[[str], str]:
+    """Gives the version of each kind of episodes: a hash of all that decides them.
+
+    That is the kernels, and the benchmarks' files that what runs an episode imports.
 
     Args:
-        what: What the episodes are of.
-        files: The files.
-    """
-    digest = sha256(what.encode() + kernels_of().encode())
-    for path in files:
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def version_of(
-    folder: Path, *shared: Path, reporting: Sequence[str] = ("summary.py",)
-) -> Callable[[str], str]:
-    """Gives the version of each kind of episodes of a campaign.
-
-    Args:
-        folder: Its files.
-        shared: Files of others that decide what comes of its episodes.
-        reporting: Names of files that change no episode.
+        modules: What runs an episode.
     """
 
     @cache
     def of(kind: str) -> str:
-        files = [*sorted(folder.glob("*.py")), *shared]
-        return version(kind, [path for path in files if path.name not in reporting])
+        digest = sha256(kind.encode() + kernels_of().encode())
+        for path in sorted(sources_of(*modules)):
+            digest.update(path.name.encode() + path.read_bytes())
+        return digest.hexdigest()[:16]
 
     return of
+
+
+def sources_of(*modules: str) -> set[Path]:
+    """Files of modules of the benchmarks, and of those they import, without WRITING."""
+    found: set[Path] = set()
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        stem = BENCHMARKS / name.replace(".", "/")
+        path = stem / "__init__.py" if stem.is_dir() else stem.with_suffix(".py")
+        if name in WRITING or path in found or not path.exists():
+            continue
+        found.add(path)
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.ImportFrom):
+                inside = [f"{node.module}.{one.name}" for one in node.names]
+                waiting += [str(node.module), *inside]
+            elif isinstance(node, ast.Import):
+                waiting += [one.name for one in node.names]
+    return found
 
 
 def ranges_of(seeds: Iterable[int]) -> list[list[int]]:

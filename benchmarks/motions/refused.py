@@ -7,7 +7,7 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,9 @@ from armguard.guard import Level
 from armguard.guard.watch import RUNNING
 from armguard.respond import Guard
 from armguard.scene import Scene
-from closed_loop import plant
 from closed_loop.plant import stopping_travel
 from episodes.campaign import Campaign, Episode
-from episodes.records import Digest, Figures, version
+from episodes.records import Digest, Figures, version_of
 from robots import carriage
 
 # Radius of the carriage, place of the wall's face, how far the joint goes [m].
@@ -290,7 +289,7 @@ def refused_figures(count: int, first: int, folder: Path) -> Figures:
     campaign = Campaign(
         results=folder / "inputs.json",
         kinds={"refused": episode},
-        version=partial(version, files=[Path(__file__), Path(plant.__file__)]),
+        version=version_of("motions.refused"),
         extreme={"least_gap_mm": min},
         summed_up=summed_up,
         digest=digest,
