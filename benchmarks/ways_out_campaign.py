@@ -65,11 +65,10 @@ class Count:
 
 def states(guard: Guard, rng: np.random.Generator) -> Iterator[Floats]:
     """Configurations in which the nearest pair is about as near as it may be."""
-    low = np.maximum(guard.tables.lower, -np.pi)
-    high = np.minimum(guard.tables.upper, np.pi)
+    arms = Arms(guard.tables)
     while True:
         wanted = rng.uniform(-NEARER, FARTHER)
-        a, b = rng.uniform(low, high, (2, len(low)))
+        a, b = rng.uniform(arms.lower, arms.upper, (2, len(arms.lower)))
         if least(guard, a) < wanted:
             continue
         shares = np.linspace(0.0, 1.0, SAMPLES)

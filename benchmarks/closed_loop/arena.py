@@ -1,21 +1,20 @@
 """A scene with its guard and its judge, built once for many episodes."""
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
-from armguard.robot.stopping import StoppingFigures
 from armguard.scene.compile import compile_scene
 from arrays import Floats, Ints
 from closed_loop.answers import Guarding
 from closed_loop.guards import GUARDS
 from closed_loop.judge import Judge
 from closed_loop.movers import Movers
-from closed_loop.scenes import ROOM, build_scene, declared, movers_of
+from closed_loop.scenes import ROOM, build_scene, movers_of
 from closed_loop.search import Reference
 from closed_loop.settings import Setting
 from closed_loop.torque import TorqueArms, torque_model
+from episodes.follower import Arms
 
 # Least distance of any pair in a starting state [m].
 START_DISTANCE = 0.02
@@ -26,19 +25,14 @@ TRIES = 20000
 TRIES_A_PLACE = 50
 
 
-class Arena:
-    """Where episodes of one setting take place.
+class Arena(Arms):
+    """Where episodes of one setting take place; see also `Arms`.
 
     Attributes:
         setting: What is true.
         guard: The guard; something else may be declared to it.
         judge: The judge.
-        robots: Names of the arms.
-        figures: Declared figures of each arm, as they are true.
         joint_counts: Number of joints of each arm, shape (a,).
-        first: First joint of each arm, and n, shape (a + 1,).
-        lower: Least joint positions, shape (n,) [rad or m].
-        upper: Greatest joint positions, shape (n,) [rad or m].
         movers: Names of the objects that move.
         room: Corners of the box in which they bounce, shape (2, 3) [m].
 
@@ -50,18 +44,12 @@ class Arena:
 
     def __init__(self, setting: Setting, known: Setting, guard: str) -> None:
         scene = build_scene(setting)
-        tables = compile_scene(scene)
+        super().__init__(compile_scene(scene))
         self._scene = scene
-        figures = declared(setting, scene)
         self.setting = setting
         self.guard: Guarding = GUARDS[guard](build_scene(known), known)
-        self.judge = Judge(scene, tables)
-        self.robots = tuple(scene.robots)
-        self.figures: Sequence[StoppingFigures] = [figures[r] for r in self.robots]
-        sizes = [len(f.velocity) for f in self.figures]
-        self.joint_counts: Ints = np.array(sizes, dtype=np.int64)
-        self.first: Ints = np.cumsum([0, *sizes]).astype(np.int64)
-        self.lower, self.upper = tables.lower, tables.upper
+        self.judge = Judge(scene, self.tables)
+        self.joint_counts: Ints = np.diff(self.first)
         self.movers = tuple(movers_of(scene))
         self.room = np.array(ROOM)
         self.poses = {n: scene.objects[n].pose.matrix() for n in self.movers}
@@ -69,12 +57,13 @@ class Arena:
     @cached_property
     def reference(self) -> Reference:
         """The search for futures, of what is true."""
-        return Reference(self._scene, self.figures, self.setting, self.movers)
+        figures = [*self.figures.values()]
+        return Reference(self._scene, figures, self.setting, self.movers)
 
     @cached_property
     def arms(self) -> TorqueArms:
         """The arms with motors of limited torque."""
-        return TorqueArms(torque_model(self._scene, self.figures))
+        return TorqueArms(torque_model(self._scene, [*self.figures.values()]))
 
     def pose(self, name: str, p: Floats) -> Floats:
         """Frame of a moving object displaced by p, shape (4, 4)."""
@@ -93,15 +82,13 @@ class Arena:
         Raises:
             RuntimeError: None was found.
         """
-        # Joints that turn without end start within one turn.
-        low = np.maximum(self.lower, -np.pi)
-        high = np.minimum(self.upper, np.pi)
         needed = START_DISTANCE + 2.0 * float(outer.max(initial=0.0))
         for k in range(TRIES):
             if k % TRIES_A_PLACE == 0:
                 for name, p in movers.scatter().items():
                     self.judge.stand_at(name, p)
-            q = rng.uniform(low, high)
+            # Joints that turn without end start within one turn.
+            q = rng.uniform(self.lower, self.upper)
             if self.judge.distance(q) >= needed:
                 return q
         raise RuntimeError(f"no start with {needed * 1e3:.0f} mm in {TRIES} tries")

@@ -13,8 +13,8 @@ from closed_loop import plant as plants
 from closed_loop.answers import BRAKE, STOP
 from closed_loop.arena import Arena
 from closed_loop.conformance import Stopping, broken, declared_of
+from closed_loop.drives import Drives, Stamps
 from closed_loop.judge_model import SIGHT
-from closed_loop.measuring import Measuring
 from closed_loop.movers import Movers
 from closed_loop.operators import (
     OBEDIENT,
@@ -122,8 +122,6 @@ class Outcome:
         return found
 
 
-Stamps = dict[str, float]
-
 # An episode goes on this long after a contact, to see how deep it gets, and after the
 # last arm came to rest, to see whether one is given back [s].
 AFTER_CONTACT = 0.1
@@ -148,7 +146,7 @@ TOOL_STEP = 40
 PLAN = Plan()
 
 
-class Episode:
+class Episode(Drives):
     """One episode, from a random start to its end.
 
     Args:
@@ -157,6 +155,8 @@ class Episode:
         duration: Its longest time [s]; the plan's if None.
         plan: What it is an episode of.
     """
+
+    arena: Arena
 
     def __init__(
         self,
@@ -170,11 +170,11 @@ class Episode:
         self.rng = rng = np.random.default_rng(seed)
         errors = "quiet" if plan.zero in UNNOTICED else "adverse"
         styles = Styles.worst(errors) if plan.attack else Styles.drawn(rng)
-        figures = arena.figures
+        figures = [*arena.figures.values()]
         self.arms = arena.arms if plan.plant == "torque" else None
         if self.arms is not None:
             figures = [driven_figures(f) for f in figures]
-        self.truth = truth = Truth(
+        truth = Truth(
             rng, figures, styles, plan.weak_brake, swings_back=plan.swing == "both"
         )
         self.nearest = SIGHT
@@ -189,9 +189,6 @@ class Episode:
             arena.setting.top_speed,
         )
         q = arena.start(rng, outer, self.movers)
-        self.plant = plants.plant_at(
-            q, arena.first, truth.velocity, truth.acceleration, truth.brake
-        )
         self.stopped: list[Stopping] = []
         if self.arms is not None:
             self.arms.start(q, np.random.default_rng([seed, 1]), full=styles.full)
@@ -202,11 +199,8 @@ class Episode:
         places = dict(zip(self.movers.names, self.movers.p, strict=True))
         self.watch = Watch(judge, arena.first, q, outer, places)
         self.ticks = round((duration or plan.duration) / SUBSTEP)
-        self.q_rows = np.tile(q, (self.ticks + 1, 1))
-        self.v_rows = np.zeros_like(self.q_rows)
         self.p_rows = np.tile(self.movers.p, (self.ticks + 1, 1, 1))
-        self.free_rows = np.zeros((self.ticks + 1, len(arena.robots)), dtype=bool)
-        self.measuring = Measuring(truth, arena.first, self.q_rows, self.v_rows)
+        super().__init__(arena, truth, q, self.ticks)
         self.due = [0] * len(self.movers.names)
         self.seen_at = [0] * len(self.movers.names)
         self.shares = np.ones(len(arena.robots))
@@ -230,7 +224,7 @@ class Episode:
         begin = perf_counter()
         arena, outcome = self.arena, self.outcome
         arena.guard.reset()
-        self.tick = cycle = rested = 0
+        cycle = rested = 0
         styles = self.truth.styles
         follows = styles.stops == "adverse" or styles.errors in ("adverse", "quiet")
         looked = -THINK
@@ -262,11 +256,6 @@ class Episode:
         return outcome
 
     @property
-    def now(self) -> float:
-        """Time [s]."""
-        return self.tick * SUBSTEP
-
-    @property
     def q(self) -> Floats:
         """True positions now, shape (n,) [rad or m]."""
         return self.q_rows[self.tick]
@@ -285,10 +274,10 @@ class Episode:
     def measure(self, cycle: int, outward: Floats) -> tuple[Floats, Floats, Stamps]:
         """What arrives for a cycle: positions, velocities, and the arms' stamps."""
         self.sight(self.now)
-        q, v, stamps = self.measuring.measure(self.tick, cycle, outward)
+        q, v, stamps = self.measured(cycle, outward)
         if self.plan.zero == "sensing":
-            stamps = [self.now] * len(stamps)
-        return q, v, dict(zip(self.arena.robots, stamps, strict=True))
+            stamps = dict.fromkeys(stamps, self.now)
+        return q, v, stamps
 
     def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
         """Measurements to the guard, its orders to the plant, what the operator asks.
@@ -336,8 +325,8 @@ class Episode:
             arena.first,
             self.plant.velocity,
             self.plant.q,
-            arena.lower,
-            arena.upper,
+            arena.tables.lower,
+            arena.tables.upper,
             self.truth.slowest,
             self.desired,
         )
@@ -350,17 +339,14 @@ class Episode:
     def brake(self, arm: int, name: str) -> None:
         """Order the brake of an arm."""
         self.braked.setdefault(name, self.now)
-        plants.order_brake(self.plant, arm, self.now + self.truth.brake_delay(arm))
+        self.order_brake(arm)
 
     def stop(
         self, arm: int, name: str, now: float, outward: Floats, verdict: Any
     ) -> bool:
         """Order a stop, and write it down; whether it is a new one."""
-        plant = self.plant
-        if plant.phase[arm] != plants.FREE or plant.stop_at[arm] < np.inf:
+        if not self.order_stop(arm, -outward * self.v):
             return False
-        figures = self.truth.stop(-outward * self.v)
-        plants.order_stop(plant, arm, now + self.truth.command_delay(arm), figures)
         own = slice(self.arena.first[arm], self.arena.first[arm + 1])
         share = np.abs(self.v[own]) / self.truth.figures[arm].velocity
         distance = self.arena.judge.distance(self.q)
@@ -401,13 +387,9 @@ class Episode:
         self.follow(self.tick, target, self.desired)
 
     def follow(self, tick: int, target: int, desired: Floats) -> None:
-        """Move the arms over some substeps; see `plant.advance`."""
+        """Move the arms over some substeps; see `Drives.advance`."""
         plant, before = self.plant, self.plant.began.copy()
-        rows = slice(tick + 1, target + 1)
-        q_rows, v_rows = self.q_rows[rows], self.v_rows[rows]
-        plants.advance(
-            plant, tick, SUBSTEP, desired, q_rows, v_rows, self.free_rows[rows]
-        )
+        q_rows, v_rows = self.advance(tick, target, desired)
         if self.arms is None:
             return
         for arm in np.flatnonzero(plant.began != before).tolist():
@@ -424,7 +406,7 @@ class Episode:
             self.free_rows[rows],
             self.arena.first,
             self.stopped,
-            declared_of(self.arena.figures, self.truth),
+            declared_of([*self.arena.figures.values()], self.truth),
         )
 
     def sight(self, now: float) -> None:

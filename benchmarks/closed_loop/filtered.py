@@ -138,7 +138,7 @@ class FilteredEpisode(Episode):
         if found is not None:
             return found
         rows = slice(self.tick + 1)
-        figures = self.arena.figures
+        figures = [*self.arena.figures.values()]
         missed = misses(
             self.v_rows[rows],
             self.free_rows[rows],

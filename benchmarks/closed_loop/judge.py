@@ -35,6 +35,7 @@ class Judge:
         owners: 'robot/link' or object of each geom.
         reach: How far a unit of each joint can move anything, shape (n,) [m/rad or 1].
         pairs: Pairs of geoms that are checked.
+        carries: Which of the joints that follow q move each geom, shape (g, k).
 
     Args:
         scene: The scene.
@@ -56,7 +57,7 @@ class Judge:
         ids = np.array([j.id for j in joints])
         self._followers = ids, self.source, np.ascontiguousarray(self.gain[:, 0])
         self._slides = self.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-        self._carries = carriers(self.model, ids)
+        self.carries = carriers(self.model, ids)
         self.reach = np.zeros(len(tables.q_names))
         for j, place, gain in zip(joints, self.source, self.gain, strict=True):
             body = int(self.model.jnt_bodyid[j.id])
@@ -164,7 +165,7 @@ class Judge:
         """
         found = np.zeros(len(self.reach))
         slopes(
-            self._carries[list(pair)],
+            self.carries[list(pair)],
             normal,
             (a, b),
             self._axes,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
-from armguard.geometry import Box, Capsule, Pose, Sphere
+from armguard.geometry import Box, Capsule, Cylinder, PlacedShape, Pose, Sphere
 from armguard.robot.stopping import StoppingFigures, stopping_figures
 from armguard.scene import Scene, bay_scene
 from closed_loop.settings import Setting
@@ -55,6 +55,9 @@ def filled(
 ) -> Scene:
     """An empty scene with all that is in another one.
 
+    Cylinders that stand upright become the boxes round them, for the guard as for the
+    judge, which has no cylinders.
+
     Args:
         scene: The empty scene.
         bare: The other one.
@@ -65,11 +68,20 @@ def filled(
         where = {"base": robot.base, "home": robot.home}
         scene.add_robot(robot.model, name=name, **where, **robots(name))
     for name, seen in bare.objects.items():
-        shapes = [*seen.shapes, *seen.surfaces]
+        shapes = [*map(boxed, seen.shapes), *seen.surfaces]
         scene.add(shapes, name=name, pose=seen.pose, **objects(name))
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     return scene
+
+
+def boxed(part: PlacedShape) -> PlacedShape:
+    """A placed shape; a cylinder as the box round it."""
+    shape = part.shape
+    if not isinstance(shape, Cylinder):
+        return part
+    size = (2.0 * shape.radius, 2.0 * shape.radius, shape.height)
+    return PlacedShape(Box(size=size), part.pose)
 
 
 @cache

@@ -13,7 +13,7 @@ import numpy as np
 
 from armguard.respond import Action, Command, Guard
 from armguard.scene import SceneTables
-from arrays import Bools, Floats
+from arrays import Bools, Floats, Ints
 from closed_loop.truth import joined
 
 # Longest time for which a joint misses its commands by the same [s].
@@ -28,6 +28,7 @@ class Arms:
         robots: Their names.
         figures: Declared figures of each arm, by name.
         own: Places of each arm's joints in q, by name.
+        first: First joint of each arm, and n, shape (a + 1,).
         lower: Least joint positions, joints without end within one turn, shape (n,).
         upper: Greatest, shape (n,).
     """
@@ -38,6 +39,8 @@ class Arms:
         self.figures = {p.name: p.stopping for p in parts if p.stopping is not None}
         ends = {p.name: (p.first_joint, p.first_joint + p.joint_count) for p in parts}
         self.own = {name: slice(*end) for name, end in ends.items()}
+        stops = [own.stop for own in self.own.values()]
+        self.first: Ints = np.array([0, *stops], dtype=np.int64)
         self.lower = np.maximum(tables.lower, -np.pi)
         self.upper = np.minimum(tables.upper, np.pi)
 

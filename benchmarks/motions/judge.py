@@ -55,14 +55,13 @@ class Judge:
             ]
         )
         self._place_of = {(int(i), int(j)): k for k, (i, j) in enumerate(self.pairs)}
-        self.levers = np.array([self._levers(tables, *pair) for pair in self.pairs])
+        a, b = np.array(self.geoms)[self.pairs].T
+        moves = self._placed.carries[a] != self._placed.carries[b]
+        self.levers = np.zeros((len(self.pairs), len(self.reach)))
+        for k, row in enumerate(moves):
+            own = np.unique(self._placed.source[row])
+            self.levers[k, own] = self.reach[own]
         self.normal = np.zeros(3)
-
-    def _levers(self, tables: SceneTables, i: int, j: int) -> Floats:
-        """Reaches of the joints that move one side of a pair and not the other."""
-        one, other = (joints_above(tables, int(tables.bodies[k])) for k in (i, j))
-        moving = tables.q_index[list(one ^ other)]
-        return np.where(np.isin(np.arange(len(self.reach)), moving), self.reach, 0.0)
 
     def place_of(self, i: int, j: int) -> int:
         """Where a pair of primitives is in `pairs`."""
@@ -161,13 +160,3 @@ def shape_of(model: mujoco.MjModel, geom: int) -> Any:
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
         return coal.Capsule(size[0], 2.0 * size[1])
     return coal.Box(*(2.0 * size))
-
-
-def joints_above(tables: SceneTables, body: int) -> set[int]:
-    """Bodies with a joint that move a body, itself among them."""
-    found = set()
-    while body >= 0:
-        if tables.joint_kind[body] != 0:
-            found.add(body)
-        body = int(tables.parent[body])
-    return found

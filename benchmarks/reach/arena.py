@@ -13,16 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard import Guard
-from armguard.geometry import Box, Cylinder, PlacedShape
 from armguard.respond.command import Action
-from armguard.scene import Scene, bay_scene, load_scene
+from armguard.scene import Scene, load_scene
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseName
-from arrays import Floats, Ints
+from arrays import Floats
+from closed_loop import drives
 from closed_loop import plant as plants
 from closed_loop.judge import Judge
-from closed_loop.measuring import Measuring
-from closed_loop.scenes import two_pandas
+from closed_loop.scenes import bare_scene, filled
 from closed_loop.settings import SUBSTEP
 from closed_loop.truth import Styles, Truth, pick
 from episodes.follower import Arms
@@ -53,56 +52,19 @@ def is_there(name: str) -> bool:
     return name not in FILES or (PUBLIC / FILES[name]).exists()
 
 
-@cache
-def bare_scene(name: str) -> Scene:
-    """A scene as it is published."""
-    if name == "bay":
-        return bay_scene("path")
-    if name == "pandas":
-        return two_pandas()
-    return load_scene(PUBLIC / FILES[name])
-
-
 def build_scene(name: str, response: ResponseName) -> Scene:
     """A scene in mode "path", all its robots with one response.
-
-    Cylinders that stand upright become the boxes round them, for the guard as for the
-    judge, which has no cylinders.
 
     Args:
         name: One of `SCENES`.
         response: What its robots do about what is near.
     """
-    bare = bare_scene(name)
+    bare = load_scene(PUBLIC / FILES[name]) if name in FILES else bare_scene(name)
     scene = Scene(mode="path", period=PERIOD, index=bare.index)
-    for robot in bare.robots.values():
-        scene.add_robot(
-            robot.model,
-            name=robot.name,
-            base=robot.base,
-            home=robot.home,
-            stopping=robot.stopping,
-            response=response,
-        )
-    for body in bare.objects.values():
-        assert body.attached_to is None and not body.surfaces, body.name
-        scene.add(
-            [boxed(part) for part in body.shapes],
-            name=body.name,
-            pose=body.pose,
-        )
-    for pair in bare.allowances:
-        scene.allow(pair.a, pair.b, reason=pair.reason)
-    return scene
-
-
-def boxed(part: PlacedShape) -> PlacedShape:
-    """A placed shape; a cylinder as the box round it."""
-    shape = part.shape
-    if not isinstance(shape, Cylinder):
-        return part
-    size = (2.0 * shape.radius, 2.0 * shape.radius, shape.height)
-    return PlacedShape(Box(size=size), part.pose)
+    stopping = {name: robot.stopping for name, robot in bare.robots.items()}
+    return filled(
+        scene, bare, lambda name: {"stopping": stopping[name], "response": response}
+    )
 
 
 # Joints with less room than this, grippers, keep their place [rad or m]; so does a
@@ -117,7 +79,6 @@ class Arena(Arms):
     Attributes:
         name: Name of the scene.
         judge: MuJoCo on what is true.
-        first: First joint of each robot, and n, shape (r + 1,).
         velocity: Top speeds, shape (n,).
         acceleration: Accelerations, shape (n,).
         home: Home configuration, shape (n,).
@@ -135,8 +96,6 @@ class Arena(Arms):
         super().__init__(tables)
         assert len(self.figures) == len(self.robots), f"{name} has no stopping figures"
         self.judge = Judge(scene, tables)
-        ends = [own.stop for own in self.own.values()]
-        self.first: Ints = np.array([0, *ends], dtype=np.int64)
         self.velocity = self.joined("velocity")
         self.acceleration = self.joined("acceleration")
         self.home = tables.home.copy()
@@ -211,14 +170,10 @@ class Arena(Arms):
         return found
 
 
-_arenas: dict[str, Arena] = {}
-
-
+@cache
 def arena_of(name: str) -> Arena:
     """The arena of a scene; built once in a process."""
-    if name not in _arenas:
-        _arenas[name] = Arena(name)
-    return _arenas[name]
+    return Arena(name)
 
 
 # Substeps of a cycle.
@@ -236,19 +191,12 @@ MISSES = 0.1
 WAVES = (0.3, 3.0)
 
 
-class Drives:
-    """The robots of a trial, and what is measured of them.
+class Drives(drives.Drives):
+    """The robots of a trial; see `drives.Drives`.
 
     Each follows commands by a delay of its own, as fast as its acceleration lets it,
     and misses them by up to the error of tracking. A stop that is ordered is carried
     out as declared; until it rests the robot hears nothing else.
-
-    Attributes:
-        plant: Their true state.
-        truth: Their true figures.
-        tick: Substeps done.
-        q_rows: True positions after each substep, shape (k + 1, n).
-        v_rows: True velocities, the same.
 
     Args:
         arena: Where.
@@ -261,78 +209,50 @@ class Drives:
         self, arena: Arena, rng: np.random.Generator, q: Floats, cycles: int
     ) -> None:
         styles = Styles(pick(rng, TIMES), pick(rng, STOPS), pick(rng, ERRORS), True)
-        self._arena = arena
-        self.truth = truth = Truth(rng, [*arena.figures.values()], styles)
-        self.plant = plants.plant_at(
-            q, arena.first, truth.velocity, truth.acceleration, truth.brake
-        )
-        n, robots = len(q), len(arena.robots)
-        ticks = cycles * STEPS
-        self.tick = 0
-        self.q_rows = np.tile(q, (ticks + 1, 1))
-        self.v_rows = np.zeros_like(self.q_rows)
-        self._free = np.zeros((ticks + 1, robots), dtype=bool)
-        self._measuring = Measuring(truth, arena.first, self.q_rows, self.v_rows)
-        late = [truth.command_delay(r) for r in range(robots)]
+        truth = Truth(rng, [*arena.figures.values()], styles)
+        super().__init__(arena, truth, q, cycles * STEPS)
+        late = [truth.command_delay(r) for r in range(len(arena.robots))]
         self._late = [int(t / SUBSTEP + 1e-9) for t in late]
-        self._sent = np.zeros((cycles + 1, n))
-        self._nowhere = np.zeros(n)
+        self._sent = np.zeros((cycles + 1, len(q)))
+        self._nowhere = np.zeros(len(q))
         self._error = 0.9 * arena.joined("tracking_error")
-        self._waves = 2.0 * np.pi * rng.uniform(*WAVES, n)
-        self._phases = rng.uniform(0.0, 2.0 * np.pi, n)
+        self._waves = 2.0 * np.pi * rng.uniform(*WAVES, len(q))
+        self._phases = rng.uniform(0.0, 2.0 * np.pi, len(q))
 
-    @property
-    def now(self) -> float:
-        """Time [s]."""
-        return self.tick * SUBSTEP
-
-    def measure(self) -> tuple[Floats, Floats, dict[str, float]]:
+    def measure(self) -> tuple[Floats, Floats, drives.Stamps]:
         """What arrives: positions, velocities, and the stamp of each robot."""
-        cycle = self.tick // STEPS
-        q, v, stamps = self._measuring.measure(self.tick, cycle, self._nowhere)
-        return q, v, dict(zip(self._arena.robots, stamps, strict=True))
+        return self.measured(self.tick // STEPS, self._nowhere)
+
+    def command_delay(self, arm: int) -> float:
+        """See `drives.Drives`; the same for all commands of a robot."""
+        return self._late[arm] * SUBSTEP
 
     def obey(self, velocity: Floats, actions: dict[str, Action]) -> list[str]:
         """Take the orders of a cycle; robots for which a stop is new."""
         stopped = []
-        plant = self.plant
         self._sent[self.tick // STEPS] = velocity
-        for r, name in enumerate(self._arena.robots):
-            if actions[name] >= Action.STOP:
-                if plant.phase[r] == plants.FREE and plant.stop_at[r] == np.inf:
-                    stopped.append(name)
-                    at = self.now + self._late[r] * SUBSTEP
-                    plants.order_stop(plant, r, at, self.truth.stop(self._nowhere))
-            else:
-                plants.release(plant, r)
+        for r, name in enumerate(self.arena.robots):
+            if actions[name] < Action.STOP:
+                plants.release(self.plant, r)
+            elif self.order_stop(r, self._nowhere):
+                stopped.append(name)
             if actions[name] >= Action.BRAKE:
-                delay = self.truth.brake_delay(r)
-                plants.order_brake(plant, r, self.now + delay)
+                self.order_brake(r)
         return stopped
 
     def move(self) -> slice:
         """Let a cycle pass; the rows of its states."""
         first = self.tick + 1
         for _ in range(STEPS):
-            row = slice(self.tick + 1, self.tick + 2)
-            plants.advance(
-                self.plant,
-                self.tick,
-                SUBSTEP,
-                self._driven(),
-                self.q_rows[row],
-                self.v_rows[row],
-                self._free[row],
-            )
+            self.advance(self.tick, self.tick + 1, self._driven())
             self.tick += 1
         return slice(first, self.tick + 1)
 
     def _driven(self) -> Floats:
         """Velocities the drives go for in this substep, shape (n,)."""
-        arena = self._arena
         v = np.zeros(len(self._nowhere))
-        for r, late in enumerate(self._late):
-            own, k = arena.own[arena.robots[r]], (self.tick - late) // STEPS
+        for own, late in zip(self.arena.own.values(), self._late, strict=True):
+            k = (self.tick - late) // STEPS
             if k >= 0:
                 v[own] = self._sent[k, own]
         wave = np.sin(self._waves * self.now + self._phases)
