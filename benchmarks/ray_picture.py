@@ -1,15 +1,17 @@
 """Pictures of capsules, spheres and boxes by casting a ray through every pixel.
 
-Exact outlines and smooth shading without a mesh; a light from above throws shadows.
+MuJoCo casts them: exact outlines and smooth shading without a mesh. A light from above
+throws shadows.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
+import mujoco
 import numpy as np
 
-from arrays import Floats
+from arrays import Floats, Ints
+from peers.mujoco_margin import GEOM, quaternion_of
 
 # Where the light comes from, world [-].
 LIGHT = np.array([-0.64, -0.24, 0.73])
@@ -18,8 +20,9 @@ LIGHT /= np.linalg.norm(LIGHT)
 # Share of the light that reaches a surface from all sides [-].
 AMBIENT = 0.66
 
-# A shadow ray starts this far above its surface, lest it meet it again [m].
-LIFT = 1e-4
+# Where shadow rays start [m], and by how much nearer than a surface they meet what
+# throws a shadow on it [m].
+SUN, LIFT = 1e3 * LIGHT, 1e-4
 
 # Rays in each direction through one pixel; their mean smooths the outlines.
 SAMPLES = 2
@@ -44,75 +47,47 @@ class Solid:
     colour: tuple[float, float, float]
     shell: bool = False
 
-    def hit(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats]:
+
+# Kinds of geoms by the number of a solid's sizes.
+KINDS = {1: GEOM.mjGEOM_SPHERE, 2: GEOM.mjGEOM_CAPSULE, 3: GEOM.mjGEOM_BOX}
+
+
+class Rays:
+    """Rays at solids."""
+
+    def __init__(self, solids: Sequence[Solid]) -> None:
+        spec = mujoco.MjSpec()
+        for solid in solids:
+            size = np.zeros(3)
+            size[: len(solid.size)] = 0.5 * np.array(solid.size)
+            if len(solid.size) < 3:
+                size[0] = solid.size[0]
+            at = {"pos": solid.middle, "quat": quaternion_of(solid.rotation)}
+            kind = KINDS[len(solid.size)]
+            spec.worldbody.add_geom(type=kind, size=size, **at)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def cast(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats, Ints]:
         """Where rays enter.
 
         Args:
-            origin: Starts, shape (n, 3) [m].
+            origin: Where they start, shape (3,) [m].
             ray: Unit directions, shape (n, 3).
 
         Returns:
             Distance along each ray, infinite where it misses, shape (n,) [m]; outward
-            unit normal there, shape (n, 3).
+            unit normal there, shape (n, 3); number of the solid, shape (n,).
         """
-        o, d = (origin - self.middle) @ self.rotation, ray @ self.rotation
-        far, normals = np.full(len(o), np.inf), np.zeros_like(o)
-        # Only rays that meet the sphere around the solid are looked at.
-        along = -np.sum(o * d, axis=1)
-        near = np.sum(o * o, axis=1) - along * along <= self.reach**2
-        if near.any():
-            enter = box_hit if len(self.size) == 3 else capsule_hit
-            far[near], local = enter(self.size, o[near], d[near])
-            normals[near] = local @ self.rotation.T
-        return far, normals
-
-    @cached_property
-    def reach(self) -> float:
-        """Distance from the middle to the farthest point [m]."""
-        if len(self.size) == 3:
-            return float(np.linalg.norm(self.size)) / 2
-        return self.size[0] + sum(self.size[1:]) / 2
-
-
-def capsule_hit(size: tuple[float, ...], o: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Rays into a capsule about the origin, along z; without length, a sphere."""
-    radius, half = size[0], sum(size[1:]) / 2
-    far = np.full(len(o), np.inf)
-    flat = d[:, 0] ** 2 + d[:, 1] ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = o[:, 0] * d[:, 0] + o[:, 1] * d[:, 1]
-        outside = o[:, 0] ** 2 + o[:, 1] ** 2 - radius**2
-        side = (-across - np.sqrt(across**2 - flat * outside)) / flat
-        valid = (side > 0.0) & (np.abs(o[:, 2] + side * d[:, 2]) <= half)
-    far[valid] = side[valid]
-    for end in (-half, half):
-        p = o - (0.0, 0.0, end)
-        along = np.sum(p * d, axis=1)
-        with np.errstate(invalid="ignore"):
-            cap = -along - np.sqrt(along**2 - np.sum(p * p, axis=1) + radius**2)
-        valid = (cap > 0.0) & (cap < far)
-        far[valid] = cap[valid]
-    hits = np.isfinite(far)
-    normals = np.zeros_like(o)
-    points = o[hits] + far[hits, None] * d[hits]
-    points[:, 2] -= np.clip(points[:, 2], -half, half)
-    normals[hits] = points / radius
-    return far, normals
-
-
-def box_hit(size: tuple[float, ...], o: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Rays into a box about the origin."""
-    half = np.array(size) / 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        enter = (-np.sign(d) * half - o) / d
-        leave = (np.sign(d) * half - o) / d
-    first, last = enter.max(axis=1), leave.min(axis=1)
-    far = np.where((first > 0.0) & (first <= last), first, np.inf)
-    face = enter.argmax(axis=1)
-    rows = np.arange(len(o))
-    normals = np.zeros_like(o)
-    normals[rows, face] = -np.sign(d[rows, face])
-    return far, normals
+        far, normals = np.zeros(len(ray)), np.zeros(ray.size)
+        solids = np.zeros(len(ray), dtype=np.int32)
+        mujoco.mj_multiRay(
+            self._model, self._data, origin, ray.ravel(), None, True, -1, solids, far,
+            normals, len(ray), mujoco.mjMAXVAL,
+        )  # fmt: skip
+        far[solids < 0] = np.inf
+        return far, normals.reshape(-1, 3), solids
 
 
 @dataclass(frozen=True)
@@ -175,9 +150,10 @@ class Camera:
 def render(solids: Sequence[Solid], camera: Camera) -> Floats:
     """The picture on white, shape (height_px, width_px, 3), in [0, 1]."""
     opaque = [solid for solid in solids if not solid.shell]
-    shells = [solid for solid in solids if solid.shell]
+    shells = [(solid, Rays([solid])) for solid in solids if solid.shell]
+    rays, paint = Rays(opaque), np.array([solid.colour for solid in opaque])
     rows = [
-        cast(opaque, shells, camera.eye, camera.rays(row))
+        colours_of(rays, paint, shells, camera.eye, camera.rays(row))
         for row in range(camera.height_px * SAMPLES)
     ]
     fine = np.array(rows).reshape(
@@ -186,29 +162,35 @@ def render(solids: Sequence[Solid], camera: Camera) -> Floats:
     return np.asarray(fine.mean(axis=(1, 3)))
 
 
-def cast(
-    opaque: Sequence[Solid], shells: Sequence[Solid], eye: Floats, ray: Floats
+def colours_of(
+    rays: Rays,
+    paint: Floats,
+    shells: Sequence[tuple[Solid, Rays]],
+    eye: Floats,
+    ray: Floats,
 ) -> Floats:
-    """Colours seen along rays, shape (n, 3)."""
-    origin = np.broadcast_to(eye, ray.shape)
-    far, normals = np.full(len(ray), np.inf), np.zeros_like(ray)
+    """Colours seen along rays from the eye, shape (n, 3).
+
+    Args:
+        rays: Rays at all that is opaque.
+        paint: Colours of that, shape (k, 3).
+        shells: What is seen through, each with rays at it.
+        eye: Where rays start [m].
+        ray: Unit directions, shape (n, 3).
+    """
+    far, normals, solids = rays.cast(eye, ray)
+    seen = solids >= 0
     colours = np.ones_like(ray)
-    for solid in opaque:
-        distance, normal = solid.hit(origin, ray)
-        nearer = distance < far
-        far[nearer], normals[nearer] = distance[nearer], normal[nearer]
-        colours[nearer] = solid.colour
-    seen = np.isfinite(far)
-    points = origin[seen] + far[seen, None] * ray[seen]
+    colours[seen] = paint[solids[seen]]
+    down = eye + far[seen, None] * ray[seen] - SUN
+    distance = np.linalg.norm(down, axis=1)
     light = np.clip(normals[seen] @ LIGHT, 0.0, 1.0)
-    start = points + LIFT * normals[seen]
-    towards = np.broadcast_to(LIGHT, start.shape)
-    for solid in opaque:
-        light[np.isfinite(solid.hit(start, towards)[0])] = 0.0
+    lit = rays.cast(SUN, down / distance[:, None])[0]
+    light[lit < distance - LIFT] = 0.0
     sky = AMBIENT * (0.88 + 0.12 * normals[seen, 2])
     colours[seen] *= (sky + (1.0 - AMBIENT) * light)[:, None]
-    for shell in shells:
-        distance, normal = shell.hit(origin, ray)
+    for shell, own in shells:
+        distance, normal, _ = own.cast(eye, ray)
         front = distance < far
         # Like glass: the rim, seen at a slant, hides more than the middle.
         slant = 1.0 - np.abs(np.sum(normal[front] * ray[front], axis=1))
