@@ -11,9 +11,9 @@ Needs playwright and a Chromium that is installed.
 
 import json
 import os
-import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
@@ -25,6 +25,7 @@ from armguard.simulation.stage import Stage
 from episodes.campaign import command
 from episodes.records import keep
 from pages import DOCS
+from speed.service_processes import START, line_of, running
 from timing import describe_machine
 
 RESULTS = DOCS / "cue_times.json"
@@ -90,29 +91,14 @@ def watch(
     stage: Stage, seconds: float
 ) -> tuple[list[tuple[int, float]], list[tuple[int, float]], dict[int, float]]:
     """Turns of the light, times of beeps, and when each cycle was written [s]."""
-    view = subprocess.Popen(
-        [
-            sys.executable,
-            *("-m", "armguard.view"),
-            *("--service", str(stage.port), "--page-port", "0"),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert view.stdout is not None
-        address = view.stdout.readline().split()[-1]
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(
-                executable_path=CHROMIUM, args=list(FLAGS)
-            )
-            page = browser.new_page()
-            page.goto(address)
-            page.locator("#light[data-level]").wait_for(timeout=60_000)
-            return follow(page, stage.frames(), seconds)
-    finally:
-        view.terminate()
-        view.wait(20)
+    words = ("armguard.view", "--service", str(stage.port), "--page-port", "0")
+    with running(*words, log=Path(os.devnull)) as view, sync_playwright() as playwright:
+        address = line_of(view, START).split()[-1]
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = browser.new_page()
+        page.goto(address)
+        page.locator("#light[data-level]").wait_for(timeout=60_000)
+        return follow(page, stage.frames(), seconds)
 
 
 def follow(

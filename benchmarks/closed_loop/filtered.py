@@ -58,13 +58,7 @@ class FilteredEpisode(Episode):
         self.tracking = joined(self.truth.figures, "tracking_error")
 
     def one_cycle(self, cycle: int, outward: Floats, thinks: bool) -> None:
-        """Measurements and desired velocities to the guard, its commands to the arms.
-
-        Args:
-            cycle: Its number.
-            outward: Gradient of the least distance, shape (n,).
-            thinks: Whether the operator looks at the world again.
-        """
+        """See `Episode`; desired velocities go to the guard, commands to the arms."""
         arena, now = self.arena, self.now
         q, v, stamp = self.measure(cycle, outward)
         self.ask(thinks, np.ones(len(q), dtype=bool))

@@ -10,6 +10,7 @@ from armguard import Guard, bay_scene
 from armguard.scene.settings import Mode
 from armguard.scene.tables import SceneTables
 from arrays import Floats
+from episodes.follower import Arms
 from room.lines import (
     JOINTS,
     MODES,
@@ -95,8 +96,7 @@ def start(tables: SceneTables, rng: np.random.Generator, arm: str, kind: str) ->
     q = tables.home.copy()
     for name in ARMS:
         if name == arm or kind == "arm":
-            first = tables.q_names.index(f"{name}/joint1")
-            own = slice(first, first + JOINTS)
+            own = Arms(tables).own[name]
             q[own] = rng.uniform(tables.lower[own] + 0.1, tables.upper[own] - 0.1)
     return q
 

@@ -52,8 +52,7 @@ class Hand:
 
     def __init__(self, tables: SceneTables, robot: str, local: Floats) -> None:
         self._tables, self._robot = tables, robot
-        first = tables.q_names.index(f"{robot}/joint1")
-        self.joints = slice(first, first + JOINTS)
+        self.joints = Arms(tables).own[robot]
         primitive = tables.body_names.index(f"{robot}/link{JOINTS}")
         self._body = int(tables.bodies[primitive])
         self._local = local
