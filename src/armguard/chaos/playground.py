@@ -1,5 +1,6 @@
 """A running guard to play faults against, and who watches it from all sides."""
 
+import os
 import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -10,6 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.chaos.processor import waits
 from armguard.chaos.relay import Relay
 from armguard.errors import ArmguardError, StationError
 from armguard.recording.counters import CountersReader
@@ -18,7 +20,7 @@ from armguard.scene.scene import Scene
 from armguard.service.client import Answer, Client
 from armguard.service.wire import Role, Seal, read_keys
 from armguard.service.wire.keys import keys_path
-from armguard.simulation.stage import Stage
+from armguard.simulation.stage import LONGEST_START, Stage
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +49,7 @@ class Playground:
         truth: What the arms really did since then, rows of time, whether each arm is
             held, positions and velocities.
         least: Least distance of the nearest pair so far [m].
+        late: How late a cycle may come [s].
 
     Args:
         what: A scene file, or a bundled scene.
@@ -77,7 +80,9 @@ class Playground:
         self.least = np.inf
         self._what, self.scene = what, scene
         self._log = (folder / "log").open("ab")
-        self._rate, self._late = rate, late
+        self.late, self._rate = late, rate
+        # What every thread had waited for a processor when the last fault began [s].
+        self._waits: Mapping[int, float] = {}
         self._options = (
             "--rate", str(rate), "--late", str(late), "--no-self-test", *options
         )  # fmt: skip
@@ -132,7 +137,7 @@ class Playground:
         """Start the arms, with a new trace."""
         path = self.folder / f"truth-{time.monotonic_ns()}"
         self.stage.start_arms(self.relay.port, path)
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + LONGEST_START
         while time.monotonic() < end:
             try:
                 self._truth = RingReader(path)
@@ -185,6 +190,18 @@ class Playground:
         self.forget()
         self.began = time.monotonic()
         self.before = dict(self.counters())
+        self._waits = self._all_waits()
+
+    def waited(self) -> float:
+        """How long our threads have waited for a processor since the fault began [s].
+
+        The sum over service, arms, operator and this process. A thread that the machine
+        holds up adds as much; infinite where the machine does not count it.
+        """
+        before, now = self._waits, self._all_waits()
+        if not now:
+            return np.inf
+        return sum(waited - before.get(one, 0.0) for one, waited in now.items())
 
     def risen(self, names: Sequence[str]) -> Mapping[str, int]:
         """By how much counters have risen since the fault began."""
@@ -233,7 +250,7 @@ class Playground:
         stale = max(f.stale for f in figures)
         period = 1.0 / self._rate
         delays: Mapping[str, Callable[[], float]] = {
-            "cycle": lambda: period + self._late,
+            "cycle": lambda: period + self.late,
             "stale": lambda: stale,
             # As long as a joint is led along by 80 ms of commands.
             "hangs": lambda: 0.2,
@@ -275,6 +292,9 @@ class Playground:
                 return False
             first += count
         return not row[1 : 1 + len(self.scene.robots)].any()
+
+    def _all_waits(self) -> Mapping[int, float]:
+        return waits([os.getpid(), *self.stage.crew.pids()])
 
     def _engage(self) -> None:
         """Have the operator press his button."""
