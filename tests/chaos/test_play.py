@@ -19,7 +19,7 @@ class Ground:
 
     Args:
         reasons: By try, None for none; the last one goes on.
-        waited: Time for which its processes waited for a processor [s].
+        waited: The longest wait of one of its threads for a processor [s].
         least: Least distance of all pairs [m].
     """
 
@@ -85,15 +85,15 @@ def test_another_reason_counts_at_once():
 
 
 @pytest.mark.parametrize("failure", [JUMP, StationError("no answer")])
-def test_what_processes_waited_for_excuses_any_try(failure):
-    ground = Ground(*[failure] * 9, PASSING, waited=0.081)
+def test_a_long_wait_for_a_processor_excuses_any_try(failure):
+    ground = Ground(*[failure] * 9, PASSING, waited=0.041)
     outcome = play(ground, goes_on())
     assert outcome.passed and outcome.tries == 10
     assert ground.restarts == (0 if failure is JUMP else 9)
 
 
-def test_less_than_a_cycle_may_be_late_excuses_nothing():
-    ground = Ground(JUMP, PASSING, waited=0.079)
+def test_a_short_wait_for_a_processor_excuses_nothing():
+    ground = Ground(JUMP, PASSING, waited=0.039)
     assert not play(ground, goes_on()).passed and ground.tries == 1
 
 

@@ -324,6 +324,7 @@ def slow_readers(ground: Playground) -> Iterator[None]:
         for k in range(SLOW_READERS):
             one = stack.enter_context(Client(ground.stage.port, name=f"sleeper {k}"))
             one.connect()
+            ground.watch(0.0)
         yield
 
 

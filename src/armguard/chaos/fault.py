@@ -73,7 +73,7 @@ class Outcome:
             another try.
         reason: Name of the reason that was reported first; "" if none was.
         unsafe: Whether something is wrong that no late machine explains.
-        waited: Time for which processes waited for a processor, see
+        waited: The longest wait of a thread for a processor, see
             `Playground.waited` [s].
         told: From the fault until arms were told to stop; NaN if never [s].
         rested: From the fault until all arms rested; NaN if not seen [s].

@@ -13,8 +13,9 @@ from armguard.errors import ArmguardError
 TRIES = 4
 LATE = ("CYCLE_LATE", "STATE_STALE", "DEADLINE_MISSED", "SERVICE_SILENT")
 
-# For so long a fault is played again where processes waited for a processor [s].
-PATIENCE = 120.0
+# For so long a fault is played again where a thread waited for a processor, by at least
+# this share of what a cycle may be late: a state passes through three of them [s], [-].
+PATIENCE, SHARE = 120.0, 0.5
 
 # Arms that rest are watched for so long, whether they set out again by themselves [s].
 LINGER = 0.15
@@ -29,7 +30,7 @@ def play(ground: Playground, fault: Fault) -> Outcome:
         outcome = replace(play_once(ground, fault), tries=tries)
         named = outcome.reason in LATE and outcome.reason not in fault.reasons
         late = named and tries < TRIES
-        if outcome.waited > ground.late and time.monotonic() < end:
+        if outcome.waited >= SHARE * ground.late and time.monotonic() < end:
             late = True
         if outcome.passed or outcome.unsafe or not late:
             break

@@ -81,8 +81,10 @@ class Playground:
         self._what, self.scene = what, scene
         self._log = (folder / "log").open("ab")
         self.late, self._rate = late, rate
-        # What every thread had waited for a processor when the last fault began [s].
+        # What every thread had waited for a processor at the last look, when that was,
+        # and the most that one waited from a look to the next [s].
         self._waits: Mapping[int, float] = {}
+        self._looked = self._waited = 0.0
         self._options = (
             "--rate", str(rate), "--late", str(late), "--no-self-test", *options
         )  # fmt: skip
@@ -190,18 +192,17 @@ class Playground:
         self.forget()
         self.began = time.monotonic()
         self.before = dict(self.counters())
-        self._waits = self._all_waits()
+        self._look_at_waits()
+        self._waited = 0.0
 
     def waited(self) -> float:
-        """How long our threads have waited for a processor since the fault began [s].
+        """The longest wait of one thread for a processor since the fault began [s].
 
-        The sum over service, arms, operator and this process. A thread that the machine
-        holds up adds as much; infinite where the machine does not count it.
+        Of service, arms, operator and this process, and from one look to the next,
+        which are 20 ms apart; infinite where the machine does not count it.
         """
-        before, now = self._waits, self._all_waits()
-        if not now:
-            return np.inf
-        return sum(waited - before.get(one, 0.0) for one, waited in now.items())
+        self._look_at_waits()
+        return self._waited
 
     def risen(self, names: Sequence[str]) -> Mapping[str, int]:
         """By how much counters have risen since the fault began."""
@@ -219,18 +220,25 @@ class Playground:
             self.watch(LOOK)
 
     def watch(self, seconds: float) -> None:
-        """Take in what is told and what happens for some time."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
+        """Take in what is told and what happens for some time, what is there if 0."""
+        end, left = time.monotonic() + seconds, seconds
+        while True:
+            wait = min(max(left, 0.0), LOOK)
             if not self._observer.connected:
-                time.sleep(min(left, LOOK))
-            answer = self._observer.receive(timeout=min(left, LOOK))
+                time.sleep(wait)
+            answer = self._observer.receive(timeout=wait)
             while answer is not None:
                 self.answers.append(answer)
                 if answer.nearest is not None:
                     self.least = min(self.least, answer.nearest.distance)
                 answer = self._observer.receive()
             self.truth.extend(self._truth.unread())
+            now = time.monotonic()
+            if now - self._looked >= LOOK:
+                self._look_at_waits()
+            left = end - now
+            if left <= 0.0:
+                return
 
     def listen_again(self) -> None:
         """Find a service that was started anew."""
@@ -293,8 +301,12 @@ class Playground:
             first += count
         return not row[1 : 1 + len(self.scene.robots)].any()
 
-    def _all_waits(self) -> Mapping[int, float]:
-        return waits([os.getpid(), *self.stage.crew.pids()])
+    def _look_at_waits(self) -> None:
+        """Note what threads have waited for a processor since the last look."""
+        before, now = self._waits, waits([os.getpid(), *self.stage.crew.pids()])
+        added = [total - before.get(one, total) for one, total in now.items()]
+        self._waited = max(self._waited, *added) if added else np.inf
+        self._waits, self._looked = now, time.monotonic()
 
     def _engage(self) -> None:
         """Have the operator press his button."""

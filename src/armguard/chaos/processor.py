@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 # A key that is no thread's: what the host of a virtual machine took from all of it.
@@ -32,11 +33,10 @@ def waits(pids: Iterable[int]) -> Mapping[int, float]:
         return {}
     found = {STOLEN: stolen / os.sysconf("SC_CLK_TCK")}
     for pid in pids:
-        for path in Path(f"/proc/{pid}/task").glob("*/schedstat"):
-            try:
-                _, waited, _ = path.read_text(encoding="ascii").split()
-            except (OSError, ValueError):
-                # It has ended.
-                continue
-            found[int(path.parent.name)] = float(waited) * 1e-9
+        # It may end at any time.
+        with suppress(OSError, ValueError):
+            for thread in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
+                path = f"/proc/{pid}/task/{thread}/schedstat"
+                _, waited, _ = Path(path).read_text(encoding="ascii").split()
+                found[int(thread)] = float(waited) * 1e-9
     return found
