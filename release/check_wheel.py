@@ -55,31 +55,44 @@ def install() -> str:
     return python
 
 
-def played(python: str, **environment: str) -> str:
-    """What a Python answers to the plays."""
-    return subprocess.run(
+def playing(python: str, **environment: str) -> subprocess.Popen[str]:
+    """A process of a Python that answers to the plays."""
+    return subprocess.Popen(
         [python, "-c", PLAY, *PLAYS],
-        check=True,
         cwd=ROOT,
         env={**os.environ, **environment},
         stdout=subprocess.PIPE,
         text=True,
-    ).stdout
+    )
+
+
+def answers(process: subprocess.Popen[str]) -> str:
+    """What it answers.
+
+    Raises:
+        SystemExit: It failed.
+    """
+    found, _ = process.communicate()
+    if process.returncode:
+        sys.exit(f"the plays end with code {process.returncode}")
+    return found
 
 
 def main() -> None:
-    """Install, play, compare.
+    """Install, play, compare; the kernels of here are played meanwhile.
 
     Raises:
         SystemExit: Code was compiled, or a play differs.
     """
     cache = BUILD / "empty_cache"
     shutil.rmtree(cache, ignore_errors=True)
-    ready = played(install(), ARMGUARD_CACHE=str(cache), PYTHONPATH="")
+    with playing(sys.executable) as here:
+        with playing(install(), ARMGUARD_CACHE=str(cache), PYTHONPATH="") as there:
+            ready, compiled_here = answers(there), answers(here)
     compiled = [path.name for path in cache.rglob("*.nbc")]
     if compiled:
         sys.exit(f"the wheel lacks code of {len(compiled)} kernels: {compiled}")
-    if ready != played(sys.executable):
+    if ready != compiled_here:
         sys.exit("the wheel's code answers otherwise than code compiled here")
     print(f"{len(PLAYS)} plays with the wheel's code, bit for bit as compiled here")
 

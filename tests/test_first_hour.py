@@ -5,6 +5,7 @@ The fits of all nine take a minute, so `make test` runs four of them. All nine:
     FIRST_HOUR=all make test ARGS=tests/test_first_hour.py
 """
 
+import json
 import os
 import re
 from dataclasses import replace
@@ -16,8 +17,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from typer.testing import CliRunner
 
 import armguard as ag
+from armguard.cli.app import app
 from armguard.robot.named import robots_folder
 from armguard.scene.allowed import allowed_pairs
 
@@ -33,10 +36,22 @@ PAIR = re.compile(r"(\S+) and (\S+) by [0-9.]+ mm( \(their shapes reach)?")
 
 
 @pytest.fixture(scope="module")
-def example():
+def program():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(FOLDER))
         yield import_module("first_hour")
+
+
+@pytest.fixture
+def example(program, monkeypatch):
+    """The program with checks in this process; others would load all kernels again."""
+
+    def check(file):
+        printed = CliRunner().invoke(app, ["check", str(file), "--json"]).stdout
+        return json.loads(printed)["findings"]
+
+    monkeypatch.setattr(program, "check", check)
+    return program
 
 
 class Meshes:
@@ -197,7 +212,7 @@ ARM = """<robot name="{name}"><link name="base"/><link name="upper"><collision>
 <limit lower="-1.5" upper="1.5" velocity="{speed}" effort="50"/></joint></robot>"""
 
 
-def test_each_robot_without_stopping_figures_gets_its_line(example, tmp_path):
+def test_each_robot_without_stopping_figures_gets_its_line(program, tmp_path):
     (tmp_path / "a.urdf").write_text(ARM.format(name="a", speed=2))
     (tmp_path / "b.urdf").write_text(ARM.format(name="b", speed=3))
     file = tmp_path / "scene.yaml"
@@ -207,12 +222,12 @@ def test_each_robot_without_stopping_figures_gets_its_line(example, tmp_path):
         "  right: {urdf: a.urdf, base: {xyz: [1, 0, 0]}}\n"
         "  third: {urdf: b.urdf, base: {xyz: [2, 0, 0]}}\n"
     )
-    found = {row["keys"][1]: row for row in example.failures(example.check(file))}
+    found = {row["keys"][1]: row for row in program.failures(program.check(file))}
     assert {name: row["paste"] for name, row in found.items()} == {
         "left": "stopping: {deceleration: 2}",
         "right": "stopping: {deceleration: 2}",
         "third": "stopping: {deceleration: 3}",
     }
     assert "no stopping figures" in found["third"]["sentence"]
-    example.paste(file, list(found.values()))
-    assert example.failures(example.check(file)) == []
+    program.paste(file, list(found.values()))
+    assert program.failures(program.check(file)) == []

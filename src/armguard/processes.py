@@ -140,6 +140,10 @@ class Crew:
         """Whether there is, or was, a process of that name."""
         return name in self._members
 
+    def pids(self) -> list[int]:
+        """Numbers of the processes that live."""
+        return [self[name].pid for name in self._members if self.lives(name)]
+
     def lives(self, name: str) -> bool:
         """Whether a process was started and has not ended."""
         return name in self._members and self._members[name].poll() is None

@@ -40,8 +40,7 @@ def test_every_fault_is_answered_as_declared(patient_bay):
     )
     rows = json.loads(run.stdout)["faults"]
     assert [row["fault"] for row in rows] == [fault.name for fault in FAULTS]
-    failed = {row["fault"]: row["observed"] for row in rows if row["status"] == "FAIL"}
-    assert not failed
+    assert not [row for row in rows if row["status"] == "FAIL"]
     assert run.returncode == 0
     # What stops is told why, and nothing is passed over but for want of a part.
     assert all("started no" in row["skipped"] for row in rows if row["skipped"])

@@ -13,6 +13,7 @@ import pytest
 from armguard.cli import main
 from armguard.entry import run_program
 from armguard.errors import SceneError
+from armguard.processes import FIRST
 
 # Longer than any start on a busy machine, shorter than compiling takes [s].
 PATIENCE = 60.0
@@ -49,20 +50,27 @@ def wait_for_children(pid):
     end = time.monotonic() + PATIENCE
     path = Path(f"/proc/{pid}/task/{pid}/children")
     while time.monotonic() < end and path.exists():
-        if found := path.read_text().split():
-            # It has to be past its own start to end with its parent.
-            time.sleep(2.0)
+        found = path.read_text().split()
+        # It has to be past its own start to end with its parent.
+        if found and not any(FIRST.encode() in words_of(pid) for pid in found):
             return found
         time.sleep(0.05)
     return []
 
 
+def words_of(pid):
+    """Arguments of a process."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
+
+
 def gone(pids):
     """Whether processes end in time."""
     end = time.monotonic() + PATIENCE
-    paths = [Path(f"/proc/{pid}/cmdline") for pid in pids]
     while time.monotonic() < end:
-        if not any(path.exists() and path.read_bytes() for path in paths):
+        if not any(map(words_of, pids)):
             return True
         time.sleep(0.05)
     return False

@@ -41,14 +41,20 @@ def plant(rng, v, low, high, a, effect, ramp, brake, times):
 
     He drives it no farther out of [low, high] than it is.
     """
-    x = np.zeros(len(times))
-    low, high = min(low, v), max(high, v)
     free = rng.choice([-a, a, 0.0], 20)
+    return moved(free, v, min(low, v), max(high, v), effect, ramp, brake, times)
+
+
+@numba.njit
+def moved(free, v, low, high, effect, ramp, brake, times):
+    """The same, with accelerations given for each twentieth of the time till then."""
+    x = np.zeros(len(times))
     for k in range(1, len(times)):
         dt = times[k] - times[k - 1]
         before = v
         if times[k - 1] < effect:
-            v = np.clip(v + dt * free[int(20 * times[k - 1] / effect) % 20], low, high)
+            free_now = free[int(20 * times[k - 1] / effect) % 20]
+            v = min(max(v + dt * free_now, low), high)
         else:
             since = times[k] - effect
             now = brake * min(since / ramp, 1.0) if ramp > 0.0 else brake
@@ -133,9 +139,15 @@ def swings(v, top, stop_at, a, ramp, brake, settle, time, rng):
     """
     end = stop_at + v / brake + ramp + time + 0.05
     times = np.linspace(0.0, end, 4000)
-    dt, x, speed, began, rest = times[1], 0.0, v, v, None
-    found = np.zeros_like(times)
     push = rng.choice([-a, 0.0, a])
+    return times, swung(push, v, top, stop_at, ramp, brake, settle, time, times)
+
+
+@numba.njit
+def swung(push, v, top, stop_at, ramp, brake, settle, time, times):
+    """The same positions, with the acceleration till the stop given."""
+    dt, x, speed, began, rest = times[1], 0.0, v, v, -1.0
+    found = np.zeros_like(times)
     for k in range(1, len(times)):
         before = speed
         if times[k - 1] < stop_at:
@@ -147,10 +159,10 @@ def swings(v, top, stop_at, a, ramp, brake, settle, time, rng):
         x += 0.5 * dt * (before + speed)
         found[k] = x
         if speed == 0.0 and times[k] >= stop_at:
-            rest = times[k] if rest is None else rest
+            rest = times[k] if rest < 0.0 else rest
             if times[k] - rest <= time:
                 found[k] = x - settle * began / top
-    return times, found
+    return found
 
 
 @pytest.mark.parametrize("most", [1.0, 2.0, inf])
@@ -173,7 +185,7 @@ def test_no_swing_back_leaves_the_curves(most, slow):
                 v, top, rng.uniform(0, reaction), a, rng.uniform(0, ramp), brake,
                 settle, time, rng,
             )  # fmt: skip
-            bound = np.array([upper(t, stop) for t in times])
+            bound = all_upper(times, stop)
             slack = 2.0 * (a + brake) * times[1] ** 2 * len(times) ** 0.5
             assert (-x <= bound + slack).all()
             nearest = min(nearest, (bound + x).min())
@@ -185,6 +197,11 @@ def upper(t, stop):
     """Farthest displacement at a time, settling included."""
     first = farthest(t, stop)
     return first + swing_within(t, t, first, first, stop)[0]
+
+
+@numba.njit
+def all_upper(times, stop):
+    return np.array([upper(t, stop) for t in times])
 
 
 @numba.njit

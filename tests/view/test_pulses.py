@@ -34,6 +34,16 @@ def moves(view):
     return frame is not None and bool(np.any(frame.told[: len(frame.q)]))
 
 
+def leads_tool(view):
+    """Whether the handle of the left arm leads it."""
+    return view.driver.leads_tool("left")
+
+
+def desires(view):
+    """Whether the view asks for motion."""
+    return bool(view.driver.desired(view.source.newest).velocities.any())
+
+
 def ready(view):
     """Have the arm stand, in the clear, with the command."""
     assert until(lambda: view.source.newest is not None and not moves(view))
@@ -56,12 +66,13 @@ def drag(view):
     )
 
 
-async def pulse(channel, seconds, held):
-    """Say that a page lives, for some time."""
+async def pulse(channel, seconds, held, done=lambda: False):
+    """Say that a page lives, for some time or until something is so; whether it is."""
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    while time.monotonic() < end and not done():
         await channel.send(json.dumps({"type": "pulse", "held": held}))
         await asyncio.sleep(PULSE)
+    return done()
 
 
 @pytest.mark.parametrize("held", [None, False], ids=["silent", "released"])
@@ -81,7 +92,7 @@ def test_one_message_of_a_drag_moves_no_longer_than_a_key(live, held):
             else:
                 await scene.send(drag(view))
                 await pulse(channel, 2.0, held)
-            return moves(view), view.driver.leads_tool("left")
+            return moves(view), leads_tool(view)
 
     assert asyncio.run(act()) == (False, False)
     view.drive.handles.show(False)
@@ -97,10 +108,9 @@ def test_a_drag_leads_while_its_pointer_is_down_and_ends_when_the_page_freezes(l
         channel, scene = await greet(view, browser)
         async with channel as channel, scene as scene:
             await scene.send(drag(view))
-            await pulse(channel, 1.0, held=True)
-            led = view.driver.leads_tool("left")
+            led = await pulse(channel, PATIENCE, True, lambda: leads_tool(view))
             await asyncio.sleep(2.0)
-            return led, view.driver.leads_tool("left"), moves(view)
+            return led, leads_tool(view), moves(view)
 
     assert asyncio.run(act()) == (True, False, False)
     view.drive.handles.show(False)
@@ -118,11 +128,9 @@ def test_the_tele_driver_rests_without_a_pulse_and_ends_with_the_last_page(live)
         async with channel as channel:
             await pulse(channel, 0.3, held=False)
             view.driver.tele = Hands()
-            await pulse(channel, 1.0, held=False)
-            frame = view.source.newest
-            drove = view.driver.desired(frame).velocities.any()
+            drove = await pulse(channel, PATIENCE, False, lambda: desires(view))
             await asyncio.sleep(2 * HELD)
-            frozen = view.driver.desired(view.source.newest).velocities.any()
+            frozen = desires(view)
             there = view.driver.tele is not None
             await pulse(channel, 0.3, held=False)
         return drove, frozen, there

@@ -230,6 +230,7 @@ def object_placed(ground: Playground) -> Iterator[None]:
             seen["stamp"] = sensor.clock()
         sensor.call("place", **seen)
         yield
+        ground.watch_until(lambda: any(a.objects_changed for a in ground.answers), BACK)
         if not any(answer.objects_changed for answer in ground.answers):
             raise AssertionError("the answers do not say that an object was placed")
         sensor.call("remove", name=free[0])
@@ -323,6 +324,7 @@ def slow_readers(ground: Playground) -> Iterator[None]:
         for k in range(SLOW_READERS):
             one = stack.enter_context(Client(ground.stage.port, name=f"sleeper {k}"))
             one.connect()
+            ground.watch(0.0)
         yield
 
 
@@ -371,8 +373,9 @@ CALLS_AT_ONCE, AT_ONCE = 30, 1e-4
 # Clients that come and go.
 COME = 200
 
-# Longest time until arms hear of a service that is back [s].
-BACK = 5.0
+# Longest time until arms hear of a service that is back, and until answers or frames
+# show what was done [s].
+BACK = 30.0
 
 # The service with a wall clock that goes back by an hour when a file is there.
 SET_BACK = """
@@ -400,8 +403,14 @@ def wall_clock_set_back(ground: Playground) -> Iterator[None]:
     ground.begin()
     path.touch()
     yield
-    walls = [row[3] for row in frames.unread()]
-    if not any(b < a - 3000.0 for a, b in pairwise(walls)):
+    walls: list[float] = []
+
+    def went_back() -> bool:
+        walls.extend(row[3] for row in frames.unread())
+        return any(b < a - 3000.0 for a, b in pairwise(walls))
+
+    ground.watch_until(went_back, BACK)
+    if not went_back():
         raise AssertionError("the frames do not show that the wall clock went back")
 
 

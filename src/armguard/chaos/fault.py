@@ -71,6 +71,10 @@ class Outcome:
         skipped: Why it was not played; "" if it was.
         tries: How often it was played: a machine that was late by itself is given
             another try.
+        reason: Name of the reason that was reported first; "" if none was.
+        unsafe: Whether something is wrong that no late machine explains.
+        waited: The longest wait of a thread for a processor, see
+            `Playground.waited` [s].
         told: From the fault until arms were told to stop; NaN if never [s].
         rested: From the fault until all arms rested; NaN if not seen [s].
     """
@@ -80,6 +84,9 @@ class Outcome:
     observed: str
     skipped: str = ""
     tries: int = 1
+    reason: str = ""
+    unsafe: bool = False
+    waited: float = 0.0
     told: float = float("nan")
     rested: float = float("nan")
 

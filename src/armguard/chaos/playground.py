@@ -1,5 +1,6 @@
 """A running guard to play faults against, and who watches it from all sides."""
 
+import os
 import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -10,6 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.chaos.processor import waits
 from armguard.chaos.relay import Relay
 from armguard.errors import ArmguardError, StationError
 from armguard.recording.counters import CountersReader
@@ -18,7 +20,7 @@ from armguard.scene.scene import Scene
 from armguard.service.client import Answer, Client
 from armguard.service.wire import Role, Seal, read_keys
 from armguard.service.wire.keys import keys_path
-from armguard.simulation.stage import Stage
+from armguard.simulation.stage import LONGEST_START, Stage
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +49,7 @@ class Playground:
         truth: What the arms really did since then, rows of time, whether each arm is
             held, positions and velocities.
         least: Least distance of the nearest pair so far [m].
+        late: How late a cycle may come [s].
 
     Args:
         what: A scene file, or a bundled scene.
@@ -77,7 +80,11 @@ class Playground:
         self.least = np.inf
         self._what, self.scene = what, scene
         self._log = (folder / "log").open("ab")
-        self._rate, self._late = rate, late
+        self.late, self._rate = late, rate
+        # What every thread had waited for a processor at the last look, when that was,
+        # and the most that one waited from a look to the next [s].
+        self._waits: Mapping[int, float] = {}
+        self._looked = self._waited = 0.0
         self._options = (
             "--rate", str(rate), "--late", str(late), "--no-self-test", *options
         )  # fmt: skip
@@ -132,7 +139,7 @@ class Playground:
         """Start the arms, with a new trace."""
         path = self.folder / f"truth-{time.monotonic_ns()}"
         self.stage.start_arms(self.relay.port, path)
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + LONGEST_START
         while time.monotonic() < end:
             try:
                 self._truth = RingReader(path)
@@ -185,6 +192,17 @@ class Playground:
         self.forget()
         self.began = time.monotonic()
         self.before = dict(self.counters())
+        self._look_at_waits()
+        self._waited = 0.0
+
+    def waited(self) -> float:
+        """The longest wait of one thread for a processor since the fault began [s].
+
+        Of service, arms, operator and this process, and from one look to the next,
+        which are 20 ms apart; infinite where the machine does not count it.
+        """
+        self._look_at_waits()
+        return self._waited
 
     def risen(self, names: Sequence[str]) -> Mapping[str, int]:
         """By how much counters have risen since the fault began."""
@@ -202,18 +220,25 @@ class Playground:
             self.watch(LOOK)
 
     def watch(self, seconds: float) -> None:
-        """Take in what is told and what happens for some time."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
+        """Take in what is told and what happens for some time, what is there if 0."""
+        end, left = time.monotonic() + seconds, seconds
+        while True:
+            wait = min(max(left, 0.0), LOOK)
             if not self._observer.connected:
-                time.sleep(min(left, LOOK))
-            answer = self._observer.receive(timeout=min(left, LOOK))
+                time.sleep(wait)
+            answer = self._observer.receive(timeout=wait)
             while answer is not None:
                 self.answers.append(answer)
                 if answer.nearest is not None:
                     self.least = min(self.least, answer.nearest.distance)
                 answer = self._observer.receive()
             self.truth.extend(self._truth.unread())
+            now = time.monotonic()
+            if now - self._looked >= LOOK:
+                self._look_at_waits()
+            left = end - now
+            if left <= 0.0:
+                return
 
     def listen_again(self) -> None:
         """Find a service that was started anew."""
@@ -233,7 +258,7 @@ class Playground:
         stale = max(f.stale for f in figures)
         period = 1.0 / self._rate
         delays: Mapping[str, Callable[[], float]] = {
-            "cycle": lambda: period + self._late,
+            "cycle": lambda: period + self.late,
             "stale": lambda: stale,
             # As long as a joint is led along by 80 ms of commands.
             "hangs": lambda: 0.2,
@@ -275,6 +300,13 @@ class Playground:
                 return False
             first += count
         return not row[1 : 1 + len(self.scene.robots)].any()
+
+    def _look_at_waits(self) -> None:
+        """Note what threads have waited for a processor since the last look."""
+        before, now = self._waits, waits([os.getpid(), *self.stage.crew.pids()])
+        added = [total - before.get(one, total) for one, total in now.items()]
+        self._waited = max(self._waited, *added) if added else np.inf
+        self._waits, self._looked = now, time.monotonic()
 
     def _engage(self) -> None:
         """Have the operator press his button."""

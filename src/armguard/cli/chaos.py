@@ -136,6 +136,7 @@ def row_of(outcome: Outcome) -> dict[str, Any]:
         "status": status(outcome),
         "skipped": outcome.skipped,
         "tries": outcome.tries,
+        "waited": outcome.waited,
         "told": outcome.told,
         "rested": outcome.rested,
     }
