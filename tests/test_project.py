@@ -121,9 +121,9 @@ def test_the_kernel_cache_follows_every_source(tmp_path, monkeypatch):
     after = kernel.kernel_digest()
     assert after != before
     # Kernels take constants from files that hold no kernel.
-    layout = copy / "guard" / "layout.py"
-    assert b"@kernel" not in layout.read_bytes()
-    layout.write_text(layout.read_text() + "\n# edited\n")
+    watch = copy / "guard" / "watch.py"
+    assert b"@kernel" not in watch.read_bytes()
+    watch.write_text(watch.read_text() + "\n# edited\n")
     assert kernel.kernel_digest() != after
     after = kernel.kernel_digest()
     serve = copy / "cli" / "serve.py"
