@@ -9,7 +9,7 @@ array of records (`Records`, `records`), or a kernel makes it on its stack by
 
 import ctypes
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints, overload
 
@@ -37,6 +37,18 @@ class Records(Protocol[Row_co]):
 
     def __getitem__(self, k: int | str) -> Any:
         """A row by its number, or a field of all rows by its name; by reference."""
+
+    def __setitem__(self, k: int | slice, rows: Any) -> None:
+        """Overwrite rows; a number is written to all of their fields."""
+
+    def __iter__(self) -> Iterator[Row_co]:
+        """The rows, by reference."""
+
+    def __len__(self) -> int:
+        """Number of rows."""
+
+    def copy(self) -> "Records[Row_co]":
+        """A copy of all rows."""
 
 
 def records(shape: Any, declared: type) -> Any:

@@ -30,7 +30,7 @@ SCRATCH = {
     "_lead": "pull push weight columns square twist",
     "_escape": "plan trial q T rows boxes reach obstacle witness closest columns "
     "across",
-    "_workspace": "T_next kept out memo_rows look_box",
+    "_workspace": "T_next kept out look_box",
 }
 
 
@@ -365,7 +365,7 @@ def test_every_whole_number_of_a_checkpoint_has_a_rule():
         if array.dtype.kind == "f":
             continue
         kinds = array.dtype.fields
-        whole = {k for k in kinds if kinds[k][0].kind != "f"} if kinds else None
+        whole = {k for k in kinds if kinds[k][0].base.kind != "f"} if kinds else None
         all_of_them = range(array.shape[-1]) if whole is None else whole
         columns = set()
         for rule in rules.get(name, ()):

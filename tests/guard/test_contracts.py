@@ -7,10 +7,10 @@ import pytest
 from armguard.errors import GraspError, UnknownNameError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason, Region
-from armguard.guard import grips as at
 from armguard.guard.contracts import prove_with_contract
+from armguard.guard.grips import SPARE_CONTRACTS, ContractState
 from armguard.guard.watch import RECOVERING, RESTING
-from armguard.guard.workspace import CONTRACTS, INTENTS, open_workspace
+from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import ALLOWED, EXCEEDED, PROVEN
 from armguard.motion.state import NEXT
 from armguard.scene import Gripper, Scene
@@ -173,7 +173,7 @@ def test_a_region_without_size_is_refused():
 def test_there_is_room_for_so_many_contracts_and_no_more():
     scene = Scene(mode="path")
     add_gantry(scene, "arm")
-    for k in range(at.SPARE_CONTRACTS + 1):
+    for k in range(SPARE_CONTRACTS + 1):
         scene.add(
             Box(size=(0.02, 0.02, 0.02)),
             name=f"box{k}",
@@ -181,13 +181,13 @@ def test_there_is_room_for_so_many_contracts_and_no_more():
         )
     guard = guard_of(scene)
     Loop(guard).push(np.zeros(5), 2)
-    for k in range(at.SPARE_CONTRACTS):
+    for k in range(SPARE_CONTRACTS):
         guard.allow("arm/left", f"box{k}", until=1e9)
     with pytest.raises(GraspError, match="no room"):
-        guard.allow("arm/left", f"box{at.SPARE_CONTRACTS}", until=1e9)
+        guard.allow("arm/left", f"box{SPARE_CONTRACTS}", until=1e9)
     # One that is in force may be replaced all the same.
     guard.allow("arm/left", "box3", depth=0.001, until=1e9)
-    assert len(guard.contracts) == at.SPARE_CONTRACTS
+    assert len(guard.contracts) == SPARE_CONTRACTS
 
 
 def bar_scene(index=None):
@@ -289,8 +289,8 @@ def test_the_model_changes_with_the_distance_and_back_and_nothing_is_missed(coar
     loop = over_table(coarse=coarse)
     guard = loop.guard
     grips, present = guard._grips, guard.index.state.residency[:, 1]
-    box = int(grips.grippers[0, at.BOX])
-    members = [i for first, end in grips.members for i in range(first, end)]
+    box = int(grips.grippers[0].box)
+    members = [i for link in grips.members for i in range(link.first, link.end)]
     seen = set()
 
     def look(_=None):
@@ -330,7 +330,7 @@ def test_the_model_may_be_chosen():
     guard = loop.guard
     guard.swap_model("arm", "detailed")
     loop.push({}, 3)
-    box = int(guard._grips.grippers[0, at.BOX])
+    box = int(guard._grips.grippers[0].box)
     assert not guard.index.state.residency[box, 1]
     guard.swap_model("arm", "coarse")
     loop.go({"arm/z": DOWN}, speed=0.3, longest=3000)
@@ -375,11 +375,11 @@ def test_contracts_cost_nothing_where_there_is_no_gripper():
     scene.add_robot(gantry(), name="arm", stopping=FIGURES)
     add_table(scene)
     guard = guard_of_home(scene)
-    settings = guard._settings
-    assert settings[CONTRACTS] == settings[INTENTS] == 0
+    settings = guard._settings[0]
+    assert settings.contracts == settings.intents == 0
     Loop(guard).push(np.zeros(5), 2)
     guard.allow("arm/left", "table", until=1.0)
-    assert settings[CONTRACTS] == settings[INTENTS] == 1
+    assert settings.contracts == settings.intents == 1
 
 
 def test_the_reason_has_its_sentence():
@@ -401,7 +401,7 @@ def slides_in_contract(gap=0.003, speed=0.1):
     guard.allow("left/ball", "right/ball", depth=0.002, speed=speed, until=1e9)
     guard.filter(q, still, 0.001, velocity=still, now=0.001)
     contracts = guard._grips.contracts
-    return guard, contracts[np.flatnonzero(contracts[:, at.STATE] != at.NONE)[0]]
+    return guard, contracts[np.flatnonzero(contracts["state"])[0]]
 
 
 @pytest.mark.parametrize(
@@ -421,7 +421,7 @@ def test_what_is_commanded_again_may_use_all_a_contract_bears_and_what_is_new_le
 @pytest.mark.parametrize("relieved", [(0, 0), (0, 1), (1, 0)])
 def test_a_contract_that_is_exceeded_relieves_nobody(relieved):
     guard, contract = slides_in_contract()
-    contract[at.STATE] = at.EXPIRED
+    contract.state = ContractState.EXPIRED
     watch = guard._watch
     watch.phase[:], watch.relieved[:] = RESTING, relieved
     watch.deficit[:] = 0.0
@@ -434,7 +434,7 @@ def test_a_contract_that_is_exceeded_relieves_nobody(relieved):
 @pytest.mark.parametrize("leaves", [0, 1])
 def test_who_leaves_what_a_contract_allowed_lacks_nothing_yet(leaves):
     guard, contract = slides_in_contract()
-    contract[at.STATE] = at.EXPIRED
+    contract.state = ContractState.EXPIRED
     watch = guard._watch
     watch.phase[:], watch.relieved[:] = RESTING, 0
     watch.phase[leaves] = RECOVERING
@@ -447,7 +447,7 @@ def test_who_leaves_what_a_contract_allowed_lacks_nothing_yet(leaves):
 def test_a_path_that_is_looked_at_leaves_contracts_as_they_were():
     guard, contract = slides_in_contract()
     # It would be over by now.
-    contract[at.UNTIL] = -1.0
+    contract.until = -1.0
     before = guard._grips.contracts.copy()
     apart, touching = at_gap(0.1, 2), at_gap(-1e-3, 2)
     assert not guard.check_path([apart, touching]).clear

@@ -8,7 +8,7 @@ import pytest
 
 from armguard.geometry import Pose
 from armguard.guard import Reason, contact_speed, needs, settling, stops
-from armguard.guard.grips import CONTRACT, CREEP, GAIN
+from armguard.guard.grips import ContractRow
 from armguard.guard.layout import NearRow
 from armguard.guard.watch import BRAKING
 from armguard.motion.figures import JointFigures, RobotFigures
@@ -112,8 +112,8 @@ def test_what_closes_as_fast_as_is_allowed_is_no_faster_when_its_stop_begins(
     distance, time
 ):
     creep, gain = 0.02, 4.0
-    c = np.zeros(CONTRACT)
-    c[[CREEP, GAIN]] = creep, gain
+    c = records(1, ContractRow)[0]
+    c.creep, c.gain = creep, gain
     speed = allowed_speed(distance, time, c)
     # Nearer by what it closes until then.
     then = creep + gain * (distance - speed * time)

@@ -5,27 +5,7 @@ import numpy as np
 import pytest
 
 from armguard.geometry import Box, Pose
-from armguard.guard.grips import (
-    CONTRACT,
-    END_FINGER,
-    ENDING,
-    EXPIRED,
-    FIRST_A,
-    FIRST_B,
-    FIRST_FINGER,
-    GRIPPER_WIDTH,
-    IN_FORCE,
-    INTENDED,
-    NEAR,
-    NEAREST,
-    NONE,
-    NORMAL,
-    POINT,
-    SLOT,
-    SPEED,
-    SPENT_ON,
-    STATE,
-)
+from armguard.guard.grips import ContractRow, ContractState, GripperRow
 from armguard.guard.intent import (
     approaches_slowly,
     read_gripper,
@@ -33,6 +13,7 @@ from armguard.guard.intent import (
     settle_intended,
 )
 from armguard.guard.workspace import open_workspace
+from armguard.record import records
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene import Grasp, Scene
 from grippers import BELOW, BLOCK, add_gantry, guard_of
@@ -54,11 +35,11 @@ SUPPORT = 39
 
 # States of the contracts of two fingers, whether that is over, and was spent.
 STATES = [
-    (NONE, NONE, True, False),
-    (NONE, IN_FORCE, False, False),
-    (ENDING, NONE, False, False),
-    (EXPIRED, NONE, False, True),
-    (EXPIRED, EXPIRED, False, True),
+    (ContractState.NONE, ContractState.NONE, True, False),
+    (ContractState.NONE, ContractState.IN_FORCE, False, False),
+    (ContractState.ENDING, ContractState.NONE, False, False),
+    (ContractState.EXPIRED, ContractState.NONE, False, True),
+    (ContractState.EXPIRED, ContractState.EXPIRED, False, True),
 ]
 
 
@@ -67,18 +48,18 @@ def test_what_was_meant_is_forgotten_once_all_its_contracts_are_over(
     one, other, over, spent
 ):
     h = record(
-        grippers=np.full((2, GRIPPER_WIDTH), -1, dtype=np.int64),
-        contracts=np.zeros((6, CONTRACT)),
+        grippers=records(2, GripperRow),
+        contracts=records(6, ContractRow),
     )
     own = h.grippers[1]
-    own[[FIRST_FINGER, END_FINGER, SLOT, SPENT_ON]] = 2, 4, 3, 7
-    h.contracts[:, STATE] = IN_FORCE
-    h.contracts[3:5, STATE] = one, other
+    own.first_finger, own.end_finger = 3, 5
+    h.contracts["state"] = ContractState.IN_FORCE
+    h.contracts["state"][3:5] = one, other
     for meant in (-1, 0, 5):
-        own[INTENDED], own[SPENT_ON] = meant, 7
+        own.target, own.expired_target = meant, 7
         settle(h)
-        assert own[INTENDED] == (-1 if over else meant)
-        assert own[SPENT_ON] == (meant if spent and meant >= 0 else 7)
+        assert own.target == (-1 if over else meant)
+        assert own.expired_target == (meant if spent and meant >= 0 else 7)
 
 
 # Speed of the object down and across, as shares of its greatest; whether it was put
@@ -121,17 +102,17 @@ def test_what_is_put_down_comes_slowly_and_towards_it(
     u = np.array([down, across, 0.0, 0.0]) * 0.05
     if carried:
         u += [0.02, 0.01, 0.02, 0.01]
-    c = np.zeros(CONTRACT)
-    c[[FIRST_A, FIRST_B]] = 0, SUPPORT
-    c[[SPEED, NEAR]] = 0.05, 0.1
-    c[NORMAL : NORMAL + 3] = 0.0, 0.0, -1.0
-    c[POINT : POINT + 3] = 0.3, 0.2, 0.1
+    c = records(1, ContractRow)[0]
+    c.first_a, c.first_b = 0, SUPPORT
+    c.speed, c.near = 0.05, 0.1
+    c.normal = 0.0, 0.0, -1.0
+    c.point = 0.3, 0.2, 0.1
     for nearest in (0.0, 0.099):
-        c[NEAREST] = nearest
+        c.nearest = nearest
         assert slowly(c, again, u, w, m) == known
     # Farther off it is neither begun nor ended.
     for nearest in (0.101, np.nan):
-        c[NEAREST] = nearest
+        c.nearest = nearest
         assert slowly(c, again, u, w, m) == again
 
 
@@ -189,7 +170,7 @@ def test_what_is_meant_most_is_nearest_to_the_way_and_to_the_middle(speed, meant
     """A way straight down leads past the first block as far as it is beside it."""
     for offset in (-BLOCK[0], 0.005, 0.97 * AIMED):
         guard = over_blocks(offset)
-        guard._grips.grippers[0, INTENDED] = meant
+        guard._grips.grippers[0].target = meant
         beside = max(offset, 0.0)
         known = beside + 0.25 * np.hypot(beside, HEIGHT)
         # What was in the scratch does not matter.
@@ -204,7 +185,7 @@ def test_a_way_that_leads_past_it_means_nothing(meant):
     most = (1.25 if meant else 1.0) * AIMED
     for share in (0.97, 1.03):
         guard = over_blocks(share * most)
-        guard._grips.grippers[0, INTENDED] = 0 if meant else -1
+        guard._grips.grippers[0].target = 0 if meant else -1
         found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
         assert (found == np.inf) == (share > 1.0)
 
@@ -212,12 +193,12 @@ def test_a_way_that_leads_past_it_means_nothing(meant):
 def test_what_a_contract_was_spent_on_is_meant_only_by_who_still_means_it():
     guard = over_blocks(0.0)
     own = guard._grips.grippers[0]
-    own[SPENT_ON] = 0
+    own.expired_target = 0
     for meant, spent in ((-1, True), (1, True), (0, False)):
-        own[INTENDED] = meant
+        own.target = meant
         found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
         assert (found == np.inf) == spent
-        assert own[SPENT_ON] == 0
+        assert own.expired_target == 0
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
@@ -239,12 +220,14 @@ def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
     guard = over_blocks(low, apart)
     grips = guard._grips
     own = grips.grippers[0]
-    own[INTENDED] = 0
-    states = grips.contracts[own[SLOT] : own[SLOT] + 2, STATE]
-    for before in (IN_FORCE, ENDING):
+    own.target = 0
+    states = grips.contracts["state"][own.first_finger : own.end_finger]
+    for before in (ContractState.IN_FORCE, ContractState.ENDING):
         states[:] = before
         read(down(0.05), guard._lines.ctypes.data)
-        assert (states == (IN_FORCE if share < 1.0 else ENDING)).all()
+        assert (
+            states == (ContractState.IN_FORCE if share < 1.0 else ContractState.ENDING)
+        ).all()
 
 
 @pytest.mark.parametrize("filtered", [False, True])
@@ -258,4 +241,4 @@ def test_what_is_meant_is_read_from_what_is_asked_or_measured(speed, filtered):
             guard.filter(guard.home, velocity, time, velocity=still, now=time)
         else:
             guard.step(guard.home, time, velocity=velocity, now=time)
-    assert guard._grips.grippers[0, INTENDED] == (0 if speed > 0.0 else -1)
+    assert guard._grips.grippers[0].target == (0 if speed > 0.0 else -1)

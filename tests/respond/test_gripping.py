@@ -6,7 +6,6 @@ import pytest
 from armguard.errors import GraspError, UnknownNameError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason
-from armguard.guard.grips import INTENDED
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED
@@ -406,7 +405,7 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
                 # Who was stopped lets go first.
                 wish = wish_to_grip(loop, means) if cycle > 20 else {}
             loop.cycle(wish)
-            meant = int(guard._grips.grippers[0, INTENDED])
+            meant = int(guard._grips.grippers[0].target)
             at = boxes_at(guard, loop.q)
             parts = [at["arm/left"], at["arm/right"]]
             for k in range(3):

@@ -9,11 +9,10 @@ import trimesh
 
 from approach import FIGURES, PERIOD
 from armguard.geometry import Capsule, Pose, Sphere
-from armguard.guard.grips import CONTRACT, IN_FORCE, NONE
-from armguard.guard.grips import STATE as CONTRACT_STATE
+from armguard.guard.grips import ContractRow, ContractState
 from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
 from armguard.guard.watch import RESTING, RUNNING, Given, LastCycle, Timing
-from armguard.guard.workspace import INTENTS, open_workspace
+from armguard.guard.workspace import Settings, open_workspace
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.pair_state import new_pair
 from armguard.motion.state import CLOCK, NEXT, PLANS
@@ -239,13 +238,13 @@ def reaches(w):
     return reaches_anything(w)
 
 
-@pytest.mark.parametrize("state", [NONE, IN_FORCE])
+@pytest.mark.parametrize("state", [ContractState.NONE, ContractState.IN_FORCE])
 @pytest.mark.parametrize("enabled", [0, 1])
 def test_a_contract_in_force_counts_where_intents_are_read(enabled, state):
     """The self-test reads none: its approaches are not those of an operator."""
-    settings = np.zeros(INTENTS + 1, dtype=np.int32)
-    settings[INTENTS] = enabled
-    contracts = np.zeros((3, CONTRACT))
-    contracts[2, CONTRACT_STATE] = state
+    settings = records(1, Settings)
+    settings.intents = enabled
+    contracts = records(3, ContractRow)
+    contracts[2].state = state
     w = record(settings=settings, grips=record(contracts=contracts))
-    assert reaches(w) == (enabled == 1 and state == IN_FORCE)
+    assert reaches(w) == (enabled == 1 and state == ContractState.IN_FORCE)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from armguard.guard.watch import Given
-from armguard.guard.workspace import MOVING_COUNT
+from armguard.guard.workspace import Settings
 from armguard.index.octree_state import ABSENT, RESIDENCY_WIDTH, STATUS
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
@@ -49,8 +49,8 @@ def found(centre, velocity, half=0.05, present=True):
     residency[3, STATUS] = ABSENT + 1 if present else ABSENT
     settings, given = records(1, Behaviour), records(1, Given)[0]
     settings[0].evade_time, given.now = TIME, 5.0
-    counts = np.zeros(4, dtype=np.int32)
-    counts[MOVING_COUNT] = 3
+    loop_settings = records(1, Settings)
+    loop_settings.moving_count = 3
     e = record(
         counts=np.zeros(COUNTS, dtype=np.int64),
         reach=np.zeros(6),
@@ -59,7 +59,7 @@ def found(centre, velocity, half=0.05, present=True):
         plan=np.zeros(PLAN),
     )
     w = record(
-        settings=counts,
+        settings=loop_settings,
         world=record(boxes=boxes),
         octree=record(residency=residency),
     )

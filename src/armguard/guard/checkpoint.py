@@ -100,19 +100,6 @@ def kept_of_tables(tables: SceneTables) -> dict[str, NDArray[Any]]:
     return {f"tables.{name}": getattr(tables, name) for name in TABLES_KEPT}
 
 
-# Arrays whose fields have another name in the digests of checkpoints.
-IN_DIGEST = {
-    "watch.link_error": "watch.model",
-    "watch.robot_error": "watch.base",
-    "watch.commanded": "watch.told",
-    "watch.commanded_at": "watch.told_at",
-    "watch.stuck": "watch.hangs",
-    "response.commanded": "response.told",
-    "response.requested": "response.asked",
-    "escape.approaching": "escape.comers",
-}
-
-
 def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
     """Digest of names, types and shapes that must be equal to restore a checkpoint.
 
@@ -120,7 +107,7 @@ def layout_of(arrays: Arrays, *about: Sequence[Any]) -> bytes:
         arrays: The arrays that are saved.
         about: Further values that must be equal, ready for JSON.
     """
-    shapes = [[IN_DIGEST.get(name, name), *form_of(a)] for name, a in arrays.items()]
+    shapes = [[name, *form_of(a)] for name, a in arrays.items()]
     text = json.dumps([shapes, *about])
     return blake2b(text.encode(), digest_size=DIGEST).digest()
 

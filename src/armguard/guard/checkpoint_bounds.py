@@ -16,8 +16,8 @@ from armguard.geometry.place import place_row
 from armguard.geometry.pose import ORTHOGONAL_TOLERANCE
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.guard import grips as at
 from armguard.guard.checkpoint import ADDRESSES, CheckpointError
+from armguard.guard.grips import ANYWHERE, ContractKind, ContractState, GripperModel
 from armguard.guard.levels import Level, Reason
 from armguard.guard.watch import GIVES_UP, HISTORY, RECOVERING
 from armguard.index import BruteForce, Octree
@@ -105,26 +105,26 @@ BOUNDS: Rules = {
     "grips.grippers": [
         Own(
             (
-                *(at.ROBOT, at.BODY, at.FIRST_FINGER, at.END_FINGER),
-                *(at.FIRST_MEMBER, at.END_MEMBER, at.SLOT, at.BOX, at.HOLDS),
+                *("robot", "body", "first_finger", "end_finger"),
+                *("first_member", "end_member", "box", "held_count"),
             )
         ),
-        Whole(at.AUTO, at.DETAILED, (at.MODEL,)),
-        Whole(0, 1, (at.COARSE_NOW,)),
-        Whole(-1, "objects", (at.INTENDED, at.SPENT_ON)),
+        Whole(0, max(GripperModel), ("model",)),
+        Whole(0, 1, ("coarse",)),
+        Whole(-1, "objects", ("target", "expired_target")),
     ],
     "grips.objects": [
-        Own((at.FIRST, at.END, at.OBJECT_BODY, at.GROUP, at.HOLDER, at.SECOND))
+        Own(("first", "end", "body", "group", "holder", "second_holder"))
     ],
     "grips.contracts": [
-        Whole(at.NONE, at.DORMANT, (at.STATE,)),
-        Whole(0, at.ASKED, (at.KIND,)),
-        Whole(0, "primitives", (at.FIRST_A, at.FIRST_B)),
-        Whole(0, "ends of primitives", (at.END_A, at.END_B)),
-        Whole(0, "groups", (at.GROUP_A, at.GROUP_B)),
-        Whole(0, 1, (at.RELIED,)),
-        Whole(at.NOWHERE, "bodies", (at.REGION,)),
-        Whole(-1, "grippers", (at.GRIPPER,)),
+        Whole(0, max(ContractState), ("state",)),
+        Whole(0, max(ContractKind), ("kind",)),
+        Whole(0, "primitives", ("first_a", "first_b")),
+        Whole(0, "ends of primitives", ("end_a", "end_b")),
+        Whole(0, "groups", ("group_a", "group_b")),
+        Whole(0, 1, ("used",)),
+        Whole(ANYWHERE, "bodies", ("region",)),
+        Whole(-1, "grippers", ("gripper",)),
     ],
 }  # fmt: skip
 
@@ -192,7 +192,7 @@ def refuse_where(
         )
 
 
-def check_contracts(contracts: Floats, tables: SceneTables) -> None:
+def check_contracts(contracts: NDArray[Any], tables: SceneTables) -> None:
     """Refuse contracts whose sides are not bodies of the scene, or without a kind.
 
     Raises:
@@ -202,16 +202,16 @@ def check_contracts(contracts: Floats, tables: SceneTables) -> None:
         (*place, tables.holds.group_of[name])
         for name, place in tables.holds.places.items()
     }
-    for row in contracts[contracts[:, at.STATE] != at.NONE]:
-        for columns in (
-            [at.FIRST_A, at.END_A, at.GROUP_A],
-            [at.FIRST_B, at.END_B, at.GROUP_B],
-        ):
-            if tuple(row[columns].tolist()) not in bodies or not row[at.KIND]:
-                raise CheckpointError(
-                    "a checkpoint has a contract in 'grips.contracts' between "
-                    "primitives that are no body of this scene"
-                )
+    for row in contracts[contracts["state"] != ContractState.NONE]:
+        sides = (
+            (row.first_a, row.end_a, row.group_a),
+            (row.first_b, row.end_b, row.group_b),
+        )
+        if not bodies.issuperset(sides) or not row.kind:
+            raise CheckpointError(
+                "a checkpoint has a contract in 'grips.contracts' between "
+                "primitives that are no body of this scene"
+            )
 
 
 def check_poses(name: str, rows: Floats) -> None:
@@ -326,9 +326,7 @@ def check_placement(
         check_cube(found["cube"], index)
 
 
-def expected_presence(
-    grippers: NDArray[np.int64], tables: SceneTables
-) -> NDArray[np.uint8]:
+def expected_presence(grippers: NDArray[Any], tables: SceneTables) -> NDArray[np.uint8]:
     """1 for each primitive that is present if nothing is removed or held, shape (p,).
 
     Args:
@@ -339,14 +337,13 @@ def expected_presence(
         CheckpointError: A gripper without a coarse model uses one.
     """
     present = np.ones(len(tables.kinds), dtype=np.uint8)
-    for part, row in zip(tables.holds.grippers, grippers, strict=True):
-        if part.coarse is None:
-            coarse = 0
-            refuse_where(
-                row[[at.COARSE_NOW]] != 0, "grips.grippers", row[[at.COARSE_NOW]], "0"
-            )
-        else:
-            coarse = int(row[at.COARSE_NOW])
+    flags = grippers["coarse"]
+    boxless = np.array(
+        [part.coarse is None for part in tables.holds.grippers], np.bool_
+    )
+    refuse_where(boxless & (flags != 0), "grips.grippers", flags, "0")
+    for part, coarse in zip(tables.holds.grippers, flags.tolist(), strict=True):
+        if part.coarse is not None:
             present[slice(*tables.holds.places[part.coarse])] = coarse
         for member in part.members:
             present[slice(*tables.holds.places[member])] = 1 - coarse

@@ -4,10 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import dot
-from armguard.guard.grips import (
-    CREEP,
-    GAIN,
-)
+from armguard.guard.grips import ContractRow
 from armguard.guard.layout import NearRow, normal_of, point_of
 from armguard.guard.needs import robot_of
 from armguard.guard.watch import Watch
@@ -70,9 +67,9 @@ def closing_commanded(
 
 
 @kernel
-def speed_at(distance: float, c: Floats) -> float:
+def speed_at(distance: float, c: ContractRow) -> float:
     """Greatest closing speed that a contract allows at a distance [m/s]."""
-    return float(c[CREEP] + c[GAIN] * distance)
+    return float(c.creep + c.gain * distance)
 
 
 @kernel
@@ -95,7 +92,7 @@ def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
 
 
 @kernel
-def allowed_speed(distance: float, time: float, c: Floats) -> float:
+def allowed_speed(distance: float, time: float, c: ContractRow) -> float:
     """Greatest closing speed that a contract allows until a stop takes effect [m/s].
 
     Args:
@@ -103,5 +100,5 @@ def allowed_speed(distance: float, time: float, c: Floats) -> float:
         time: Time until an order takes effect [s].
         c: The contract.
     """
-    most = speed_at(distance, c) / (1.0 + c[GAIN] * time)
-    return float(max(c[CREEP], most))
+    most = speed_at(distance, c) / (1.0 + c.gain * time)
+    return float(max(c.creep, most))

@@ -9,8 +9,15 @@ from numpy.typing import NDArray
 
 from armguard.errors import GraspError, UnknownNameError, did_you_mean
 from armguard.geometry.pose import Pose
-from armguard.guard import grips as at
 from armguard.guard.grippers import Grippers
+from armguard.guard.grips import (
+    ANYWHERE,
+    SPARE_CONTRACTS,
+    WORLD,
+    ContractKind,
+    ContractRow,
+    ContractState,
+)
 from armguard.guard.watch import Watch
 from armguard.scene.gripping import Grasp
 from armguard.scene.schema import MOST_CREEP, MOST_OVERLAP, in_other_units
@@ -25,12 +32,12 @@ GRASP = Grasp()
 ROOM = 2e-3
 
 # Names of the kinds of contracts.
-KINDS = {
-    at.BY_INTENT: "intent",
-    at.STANDING: "standing",
-    at.BESIDE: "beside",
-    at.LET_GO: "let go",
-    at.ASKED: "asked",
+KINDS: dict[int, str] = {
+    ContractKind.INTENT: "intent",
+    ContractKind.SUPPORT: "standing",
+    ContractKind.NEIGHBOUR: "beside",
+    ContractKind.RELEASED: "let go",
+    ContractKind.REQUESTED: "asked",
 }
 
 
@@ -90,20 +97,20 @@ class Contract:
     region: bool
 
 
-def contract_of_row(row: Floats, a: str, b: str) -> Contract:
+def contract_of_row(row: ContractRow, a: str, b: str) -> Contract:
     """A contract from its row of numbers."""
-    until, rearm = float(row[at.UNTIL]), float(row[at.REARM])
+    until, rearm = float(row.until), float(row.end_distance)
     return Contract(
         a=a,
         b=b,
-        kind=KINDS[int(row[at.KIND])],
-        depth=float(row[at.DEPTH]),
-        speed=float(row[at.CREEP]),
-        gain=float(row[at.GAIN]),
+        kind=KINDS[int(row.kind)],
+        depth=float(row.depth),
+        speed=float(row.creep),
+        gain=float(row.gain),
         until=until if isfinite(until) else None,
         rearmed_at=rearm if isfinite(rearm) else None,
-        ending=bool(row[at.STATE] in (at.ENDING, at.EXPIRED)),
-        region=bool(row[at.REGION] != at.NOWHERE),
+        ending=bool(row.state in (ContractState.ENDING, ContractState.EXPIRED)),
+        region=bool(row.region != ANYWHERE),
     )
 
 
@@ -159,20 +166,20 @@ class ContractTable:
         frame = None if region is None else self._frame(region)
         steady = max(GRASP.intent_speed, speed)
         with self.grippers.transaction():
-            row = self.row(a, b, at.ASKED)
+            row = self.row(a, b, ContractKind.REQUESTED)
             if row is None:
                 raise GraspError(
-                    f"{at.SPARE_CONTRACTS} contracts are in force, and there is no "
+                    f"{SPARE_CONTRACTS} contracts are in force, and there is no "
                     f"room for one of '{a}' and '{b}'; let some expire"
                 )
-            row[at.DEPTH], row[at.CREEP] = depth, speed
-            row[at.GAIN] = (steady - speed) / GRASP.near
-            row[at.UNTIL] = until
+            row.depth, row.creep = depth, speed
+            row.gain = (steady - speed) / GRASP.near
+            row.until = until
             if region is not None and frame is not None:
-                row[at.REGION], T = frame
-                row[at.HALF : at.HALF + 3] = np.array(region.size) / 2.0
-                row[at.T_REGION : at.GRIPPER] = T[:3].reshape(12)
-            row[at.STATE] = at.IN_FORCE
+                row.region, T = frame
+                row.half = np.array(region.size) / 2.0
+                row.T_region = T[:3].reshape(12)
+            row.state = ContractState.IN_FORCE
             self.write_groups()
 
     def _check_bodies(self, a: str, b: str) -> None:
@@ -196,72 +203,73 @@ class ContractTable:
         """All contracts between bodies, except dormant ones."""
         names = self.grippers.tables.body_names
         for row in self.grippers.grips.contracts:
-            if row[at.STATE] not in (at.NONE, at.DORMANT):
-                a, b = names[int(row[at.FIRST_A])], names[int(row[at.FIRST_B])]
+            if row.state not in (ContractState.NONE, ContractState.DORMANT):
+                a, b = names[int(row.first_a)], names[int(row.first_b)]
                 yield contract_of_row(row, a, b)
 
-    def row(self, a: str, b: str, kind: int) -> Floats | None:
+    def row(self, a: str, b: str, kind: int) -> ContractRow | None:
         """A cleared row for a contract of two bodies; replaces one of the same kind.
 
         None if there is no room: then the pair has no contract.
         """
         rows, holds = self.grippers.grips.contracts, self.grippers.tables.holds
-        spare = len(rows) - at.SPARE_CONTRACTS
-        key = [kind, *holds.places[a], *holds.places[b]]
+        spare = len(rows) - SPARE_CONTRACTS
+        key = (kind, *holds.places[a], *holds.places[b])
         free = -1
         for k in range(len(rows) - 1, spare - 1, -1):
-            if rows[k, at.STATE] == at.NONE:
+            row = rows[k]
+            if row.state == ContractState.NONE:
                 free = k
-            elif rows[k, at.KIND : at.END_B + 1].tolist() == key:
+            elif (row.kind, row.first_a, row.end_a, row.first_b, row.end_b) == key:
                 free = k
                 break
         if free < 0:
             return None
-        row: Floats = rows[free]
-        row[:] = 0.0
-        row[at.KIND : at.END_B + 1] = key
-        row[at.GROUP_A], row[at.GROUP_B] = holds.group_of[a], holds.group_of[b]
-        row[at.UNTIL] = row[at.REARM] = inf
-        row[at.REGION], row[at.GRIPPER] = at.NOWHERE, -1.0
+        rows[free] = 0
+        row = rows[free]
+        row.kind, row.first_a, row.end_a, row.first_b, row.end_b = key
+        row.group_a, row.group_b = holds.group_of[a], holds.group_of[b]
+        row.until = row.end_distance = inf
+        row.region, row.gripper = ANYWHERE, -1
         return row
 
     def keep_apart(
         self, name: str, other: str, distance: float, grasp: Grasp
-    ) -> Floats | None:
+    ) -> ContractRow | None:
         """Let two bodies be as near as they are now, until they keep their buffer."""
-        row = self.row(name, other, at.BESIDE)
+        row = self.row(name, other, ContractKind.NEIGHBOUR)
         if row is None:
             return None
-        row[at.DEPTH] = ROOM - distance
-        row[at.CREEP], row[at.GAIN] = grasp.creep, gain_of(grasp)
-        row[at.STATE] = at.ENDING
+        row.depth = ROOM - distance
+        row.creep, row.gain = grasp.creep, gain_of(grasp)
+        row.state = ContractState.ENDING
         return row
 
     def close(self, name: str, kinds: tuple[int, ...]) -> None:
         """End all contracts of these kinds of an object that is released."""
         first, _ = self.grippers.tables.holds.places[name]
         for row in self.grippers.grips.contracts:
-            if row[at.KIND] in kinds and row[at.FIRST_A] == first:
-                row[at.STATE] = at.NONE
+            if row.kind in kinds and row.first_a == first:
+                row.state = ContractState.NONE
 
     def forget_intent(self, g: int) -> None:
         """End a gripper's contracts by intent."""
         own = self.grippers.grips.grippers[g]
-        own[at.INTENDED] = -1
-        count = own[at.END_FINGER] - own[at.FIRST_FINGER]
-        self.grippers.grips.contracts[own[at.SLOT] :][:count, at.STATE] = at.NONE
+        own.target = -1
+        states = self.grippers.grips.contracts["state"]
+        states[own.first_finger : own.end_finger] = ContractState.NONE
 
     def write_groups(self) -> None:
         """Write which pairs of groups have a contract."""
         may, rows = self.grippers.grips.may, self.grippers.grips.contracts
-        rows = rows[rows[:, at.STATE] != at.NONE]
-        a, b = rows[:, [at.GROUP_A, at.GROUP_B]].T.astype(np.int64)
+        there = rows["state"] != ContractState.NONE
+        a, b = rows["group_a"][there], rows["group_b"][there]
         may[:] = 0
         may[a, b] = may[b, a] = 1
 
     def _frame(self, region: Region) -> tuple[int, Floats]:
         """Body that a region moves with, and the region's frame in it, (4, 4)."""
-        body, T = at.WORLD, region.pose.matrix()
+        body, T = WORLD, region.pose.matrix()
         tables = self.grippers.tables
         if region.frame in tables.holds.objects:
             body = tables.holds.objects[str(region.frame)].body

@@ -4,26 +4,13 @@ from math import inf
 
 from armguard.guard.contracts import close_contract
 from armguard.guard.gripper_model import choose_models
-from armguard.guard.grips import (
-    DORMANT,
-    ENDING,
-    EXPIRED,
-    IN_FORCE,
-    KIND,
-    NEAREST,
-    REARM,
-    RELIED,
-    STANDING,
-    STATE,
-    UNTIL,
-    Grips,
-)
+from armguard.guard.grips import ContractKind, ContractState, Grips
 from armguard.guard.intent import read_intents
 from armguard.guard.levels import Reason
 from armguard.guard.motion_pairs import judge_motions
 from armguard.guard.observe import now_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import CONTRACTS, INTENTS, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import SEGMENT
 
@@ -37,7 +24,7 @@ def judge_all(w: Workspace) -> None:
     Args:
         w: The workspace.
     """
-    if w.settings[CONTRACTS] != 0:
+    if w.settings[0].contracts != 0:
         judge_with_contracts(w)
     else:
         judge_motions(w)
@@ -56,14 +43,14 @@ def judge_with_contracts(w: Workspace) -> None:
         judge_motions(w)
         return
     for k in range(h.contracts.shape[0]):
-        h.contracts[k, NEAREST], h.contracts[k, RELIED] = inf, 0.0
+        h.contracts[k].nearest, h.contracts[k].used = inf, 0
     choose_models(w)
     judge_motions(w)
     if w.header.reason == CAPACITY:
         # Not all pairs were judged: it is unknown which contracts are needed.
         return
     end_contracts(h, v)
-    if v.given.commanded == 0.0 and w.settings[INTENTS] != 0:
+    if v.given.commanded == 0.0 and w.settings[0].intents != 0:
         for q in range(h.velocity.shape[0]):
             h.velocity[q] = 0.5 * (m.v_low[q] + m.v_high[q])
         read_intents(h.velocity, w)
@@ -75,14 +62,16 @@ def end_contracts(h: Grips, v: Watch) -> None:
     now = now_of(v)
     for k in range(h.contracts.shape[0]):
         c = h.contracts[k]
-        if c[STATE] == IN_FORCE:
-            if now > c[UNTIL]:
-                c[STATE] = EXPIRED
-            elif c[NEAREST] > c[REARM]:
-                c[STATE] = ENDING
-        elif (c[STATE] == ENDING or c[STATE] == EXPIRED) and c[RELIED] == 0.0:
-            if c[KIND] == STANDING:
+        if c.state == ContractState.IN_FORCE:
+            if now > c.until:
+                c.state = ContractState.EXPIRED
+            elif c.nearest > c.end_distance:
+                c.state = ContractState.ENDING
+        elif c.state == ContractState.ENDING or c.state == ContractState.EXPIRED:
+            if c.used != 0:
+                continue
+            if c.kind == ContractKind.SUPPORT:
                 # The object may be put down there again.
-                c[STATE] = DORMANT
+                c.state = ContractState.DORMANT
             else:
                 close_contract(k, h)

@@ -1,9 +1,9 @@
 """Intended contacts: proof of a pair under a contact contract.
 
 A contract never requires more than a pair needs without it. It lets the pair be nearer
-than its buffer, and overlap by `DEPTH`, as long as its closing speed is at most
+than its buffer, and overlap by `depth`, as long as its closing speed is at most
 
-    CREEP + GAIN · distance
+    creep + gain · distance
 
 at every distance that may be reached before an order takes effect. The depth is proven
 until all robots are at rest, with the declared errors of measurement and tracking. The
@@ -22,37 +22,13 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.vec3 import Vec3
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.contact_speed import COMMANDED_ANEW, closing_commanded, speed_at
-from armguard.guard.grips import (
-    DEPTH,
-    DORMANT,
-    END_A,
-    END_B,
-    EXPIRED,
-    FIRST_A,
-    FIRST_B,
-    GRIPPER,
-    GROUP_A,
-    GROUP_B,
-    HALF,
-    IN_FORCE,
-    NEAREST,
-    NONE,
-    NORMAL,
-    NOWHERE,
-    POINT,
-    REGION,
-    RELIED,
-    STATE,
-    T_REGION,
-    WORLD,
-    Grips,
-)
+from armguard.guard.grips import ANYWHERE, WORLD, ContractRow, ContractState, Grips
 from armguard.guard.layout import NearRow, point_of
 from armguard.guard.needs import object_speed, robot_of, time_since
 from armguard.guard.proofs import prove_pair
 from armguard.guard.refine import exact_row, refine_pair
 from armguard.guard.watch import RECOVERING
-from armguard.guard.workspace import CONTRACTS, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.pair_proof import path_gap, shared_joints
 from armguard.motion.pair_state import (
@@ -87,7 +63,7 @@ def prove(
     i: int, j: int, plan_i: int, plan_j: int, near: NearRow, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps its buffer or contract; see `prove_with_contract`."""
-    if w.settings[CONTRACTS] != 0:
+    if w.settings[0].contracts != 0:
         return prove_with_contract(i, j, plan_i, plan_j, near, w)
     return prove_pair(i, j, plan_i, plan_j, near, w)
 
@@ -116,13 +92,13 @@ def prove_with_contract(
     if k < 0:
         return prove_pair(i, j, plan_i, plan_j, near, w)
     c = h.contracts[k]
-    if c[STATE] == DORMANT:
+    if c.state == ContractState.DORMANT:
         note_nearest(i, near, c)
         return prove_pair(i, j, plan_i, plan_j, near, w)
     kept, spare = keep_contract(i, j, plan_i, plan_j, near, k, w)
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    if kept and c[STATE] == IN_FORCE:
-        near.buffer = -c[DEPTH]
+    if kept and c.state == ContractState.IN_FORCE:
+        near.buffer = -c.depth
         return (ALLOWED, spare)
     before_i, deficit_i = v.relieved[robot_i], v.deficit[robot_i]
     before_j, deficit_j = before_i, deficit_i
@@ -134,10 +110,10 @@ def prove_with_contract(
     eased = v.relieved[robot_i] != 0 or (robot_j >= 0 and v.relieved[robot_j] != 0)
     needs = proof != PROVEN or eased
     if needs:
-        c[RELIED] = 1.0
+        c.used = 1
     if kept:
         # A contact under a contract needs no recovery; under an expired one it does.
-        eased = c[STATE] == EXPIRED and needs
+        eased = c.state == ContractState.EXPIRED and needs
         v.deficit[robot_i] = deficit_i
         if robot_j >= 0 and robot_j != robot_i:
             v.deficit[robot_j] = deficit_j
@@ -146,10 +122,10 @@ def prove_with_contract(
         v.relieved[robot_j] = 1 if eased else before_j
     if not needs:
         return (proof, left)
-    if kept and c[STATE] == EXPIRED:
+    if kept and c.state == ContractState.EXPIRED:
         return (PROVEN, spare)
     if kept:
-        near.buffer = -c[DEPTH]
+        near.buffer = -c.depth
         return (ALLOWED, spare)
     kept = proof == PROVEN or proof == SPENT or proof == UNPROVEN
     return (proof if kept else EXCEEDED, left)
@@ -184,9 +160,10 @@ def keep_contract(
     recovers = v.phase[robot_of(i, v)] == RECOVERING
     if robot_j >= 0:
         recovers |= v.phase[robot_j] == RECOVERING
-    if (c[STATE] == EXPIRED and not recovers) or not is_inside(near, c, w):
+    expired = c.state == ContractState.EXPIRED
+    if (expired and not recovers) or not is_inside(near, c, w):
         return (False, -inf)
-    spare = c[DEPTH] + least_gap(i, j, plan_i, plan_j, near, -c[DEPTH], w)
+    spare = c.depth + least_gap(i, j, plan_i, plan_j, near, -c.depth, w)
     closing, time = closing_commanded(i, j, plan_i, plan_j, near, w, v, m)
     known, _ = closing_commanded(i, j, NOW, NOW, near, w, v, m)
     share = COMMANDED_ANEW if closing > known + GRAIN else 1.0
@@ -197,7 +174,6 @@ def keep_contract(
         closing += drift
     distance = near.distance - max(closing, 0.0) * time
     # An expired contract still lets a pair that is near separate.
-    expired = c[STATE] == EXPIRED
     most = 0.0 if expired else share * speed_at(max(distance, 0.0), c)
     return (spare >= 0.0 and closing <= most + GRAIN, spare)
 
@@ -211,56 +187,56 @@ def contract_of(i: int, j: int, h: Grips) -> int:
     rows = h.contracts
     found = -1
     for k in range(rows.shape[0]):
-        state = rows[k, STATE]
-        if state == NONE or not (is_of(i, j, rows[k]) or is_of(j, i, rows[k])):
+        c = rows[k]
+        if c.state == ContractState.NONE or not (is_of(i, j, c) or is_of(j, i, c)):
             continue
         # States are numbered in order of precedence.
         if (
             found < 0
-            or state < rows[found, STATE]
-            or (state == rows[found, STATE] and rows[k, DEPTH] > rows[found, DEPTH])
+            or c.state < rows[found].state
+            or (c.state == rows[found].state and c.depth > rows[found].depth)
         ):
             found = k
     return found
 
 
 @kernel
-def is_of(a: int, b: int, c: Floats) -> bool:
+def is_of(a: int, b: int, c: ContractRow) -> bool:
     """Whether primitive a is part of a contract's body A and b of its body B."""
-    return bool(c[FIRST_A] <= a < c[END_A] and c[FIRST_B] <= b < c[END_B])
+    return bool(c.first_a <= a < c.end_a and c.first_b <= b < c.end_b)
 
 
 @kernel
-def note_nearest(i: int, near: NearRow, c: Floats) -> None:
+def note_nearest(i: int, near: NearRow, c: ContractRow) -> None:
     """Store distance, normal and witness point of a contract's nearest pair."""
-    if not near.distance < c[NEAREST]:
+    if not near.distance < c.nearest:
         return
-    c[NEAREST] = near.distance
-    forward = c[FIRST_A] <= i < c[END_A]
+    c.nearest = near.distance
+    forward = c.first_a <= i < c.end_a
     for k in range(3):
-        c[NORMAL + k] = near.normal[k] if forward else -near.normal[k]
-        c[POINT + k] = near.point_a[k] if forward else near.point_b[k]
+        c.normal[k] = near.normal[k] if forward else -near.normal[k]
+        c.point[k] = near.point_a[k] if forward else near.point_b[k]
 
 
 @kernel
-def is_inside(near: NearRow, c: Floats, w: Workspace) -> bool:
+def is_inside(near: NearRow, c: ContractRow, w: Workspace) -> bool:
     """Whether a pair's two witness points lie in its contract's region."""
-    if c[REGION] == NOWHERE:
+    if c.region == ANYWHERE:
         return True
     for side in range(2):
         x, y, z = in_frame(point_of(near, side), c, w)
-        if not (abs(x) <= c[HALF] and abs(y) <= c[HALF + 1] and abs(z) <= c[HALF + 2]):
+        if not (abs(x) <= c.half[0] and abs(y) <= c.half[1] and abs(z) <= c.half[2]):
             return False
     return True
 
 
 @kernel
-def in_frame(point: Vec3, c: Floats, w: Workspace) -> Vec3:
+def in_frame(point: Vec3, c: ContractRow, w: Workspace) -> Vec3:
     """A point of the world, in the frame of a contract's region [m]."""
     x, y, z = point
-    if c[REGION] != WORLD:
-        x, y, z = back(x, y, z, w.T_world[int(c[REGION])])
-    return back(x, y, z, c[T_REGION:GRIPPER])
+    if c.region != WORLD:
+        x, y, z = back(x, y, z, w.T_world[c.region])
+    return back(x, y, z, c.T_region)
 
 
 @kernel
@@ -334,9 +310,9 @@ def describe_side(
 def open_contract(k: int, h: Grips) -> None:
     """Put a contract in force, and mark the groups of its bodies."""
     c = h.contracts[k]
-    c[STATE] = IN_FORCE
-    c[NEAREST], c[RELIED] = inf, 0.0
-    a, b = int(c[GROUP_A]), int(c[GROUP_B])
+    c.state = ContractState.IN_FORCE
+    c.nearest, c.used = inf, 0
+    a, b = c.group_a, c.group_b
     h.may[a, b] = h.may[b, a] = 1
 
 
@@ -344,13 +320,13 @@ def open_contract(k: int, h: Grips) -> None:
 def close_contract(k: int, h: Grips) -> None:
     """End a contract; its groups stay marked if they have another one."""
     c = h.contracts[k]
-    c[STATE] = NONE
-    a, b = c[GROUP_A], c[GROUP_B]
+    c.state = ContractState.NONE
+    a, b = c.group_a, c.group_b
     for x in range(h.contracts.shape[0]):
         other = h.contracts[x]
-        if other[STATE] == NONE:
+        if other.state == ContractState.NONE:
             continue
-        one, two = other[GROUP_A], other[GROUP_B]
+        one, two = other.group_a, other.group_b
         if (one == a and two == b) or (one == b and two == a):
             return
     h.may[int(a), int(b)] = h.may[int(b), int(a)] = 0

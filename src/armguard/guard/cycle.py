@@ -10,17 +10,9 @@ from armguard.geometry.place import place_row
 from armguard.guard.layout import NEAR_WIDTH, Header
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_limits
-from armguard.guard.memory import FORCE
 from armguard.guard.near_pairs import judge_pairs
 from armguard.guard.reindex import update_index
-from armguard.guard.workspace import (
-    FIRST_ROW,
-    INDEX_KIND,
-    LISTED,
-    MOVING_COUNT,
-    Workspace,
-    open_workspace,
-)
+from armguard.guard.workspace import IndexKind, Workspace, open_workspace
 from armguard.kernel import kernel
 from armguard.robot.kinematics import forward_kinematics
 from armguard.table import Vector
@@ -53,7 +45,7 @@ def run_cycle(q: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     if not positions_are_finite(q, w.lower, out):
         return rows
-    rebuild_world(q, w.settings[INDEX_KIND] != LISTED, w)
+    rebuild_world(q, w.settings[0].index_kind != IndexKind.LISTED, w)
     judge_pairs(w)
     report_limits(q, w.lower, w.upper, out)
     return rows + int(out.near_count) * NEAR_WIDTH
@@ -66,7 +58,7 @@ def clear_header(w: Workspace) -> int:
     Returns:
         Index at which the rows of near pairs start.
     """
-    rows = w.settings[FIRST_ROW]
+    rows = w.settings[0].first_row
     for k in range(rows):
         w.out[k] = 0.0
     w.header.joint = w.header.nearest = w.header.robot = -1.0
@@ -93,12 +85,12 @@ def rebuild_world(q: Vector, indexed: int, w: Workspace) -> None:
 @kernel
 def place_moved(w: Workspace) -> None:
     """Place the primitives of every body whose pose changed in any bit."""
-    force = w.memory[FORCE] != 0
+    force = w.memory[0].measure_all != 0
     w.header.bodies_moved = mark_moved_bodies(w.T_next, w.T_world, w.body_moved, force)
     kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
     links = 0
     last_body = -1
-    for i in range(w.settings[MOVING_COUNT]):
+    for i in range(w.settings[0].moving_count):
         body = w.bodies[i]
         w.moved[i] = w.body_moved[body]
         if w.body_moved[body]:

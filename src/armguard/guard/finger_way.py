@@ -14,7 +14,7 @@ from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, scaled
 from armguard.geometry.witness import WITNESS_WIDTH
-from armguard.guard.grips import END, FIRST, Grips
+from armguard.guard.grips import Grips
 from armguard.guard.near_pairs import boxes_apart
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -45,8 +45,8 @@ def runs_into(f: int, o: int, way: Vec3, length: float, h: Grips, w: Workspace) 
     for k in range(12):
         T[k] = 0.0
     T[0] = T[5] = T[10] = 1.0
-    for i in range(h.fingers[f, 0], h.fingers[f, 1]):
-        for j in range(int(h.objects[o, FIRST]), int(h.objects[o, END])):
+    for i in range(h.fingers[f].first, h.fingers[f].end):
+        for j in range(h.objects[o].first, h.objects[o].end):
             if boxes_apart(w.world.boxes, i, j, length):
                 continue
             if meets(i, j, way, length, T, row, w):

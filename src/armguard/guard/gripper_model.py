@@ -6,25 +6,11 @@ pair is ever judged with neither. The box is replaced before it could require mo
 separation than the links, and returns only at 1.5 times that distance.
 """
 
-from armguard.guard.grips import (
-    AUTO,
-    BOX,
-    COARSE,
-    COARSE_NOW,
-    END_MEMBER,
-    FIRST_MEMBER,
-    MODEL,
-    Grips,
-)
-from armguard.guard.memory import TOKEN
+from armguard.guard.grips import GripperModel, Grips
 from armguard.guard.near_pairs import boxes_apart
 from armguard.guard.needs import look_distance
 from armguard.guard.watch import FEW, Watch
-from armguard.guard.workspace import (
-    BRUTE_FORCE,
-    INDEX_KIND,
-    Workspace,
-)
+from armguard.guard.workspace import IndexKind, Workspace
 from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, INDEXED, STATUS
 from armguard.index.octree_update import octree_insert, octree_remove
@@ -45,22 +31,22 @@ def choose_models(w: Workspace) -> None:
     h = w.grips
     for g in range(h.grippers.shape[0]):
         own = h.grippers[g]
-        box = int(own[BOX])
+        box = own.box
         if box < 0:
             continue
-        coarse = own[MODEL] == COARSE
-        if own[MODEL] == AUTO:
-            near = h.swap[g] + w.look[0] + look_distance(box, v, m)
-            if own[COARSE_NOW] == 0:
+        coarse = own.model == GripperModel.COARSE
+        if own.model == GripperModel.AUTO:
+            near = h.swap[g] + w.settings[0].static_need + look_distance(box, v, m)
+            if own.coarse == 0:
                 near *= FAR_AGAIN
             coarse = not anything_near(box, near, w, v)
-        if coarse and own[COARSE_NOW] == 0:
+        if coarse and own.coarse == 0:
             put_in(box, w)
-            for k in range(own[FIRST_MEMBER], own[END_MEMBER]):
-                for i in range(h.members[k, 0], h.members[k, 1]):
+            for k in range(own.first_member, own.end_member):
+                for i in range(h.members[k].first, h.members[k].end):
                     take_out(i, w)
-            own[COARSE_NOW] = 1
-        elif not coarse and own[COARSE_NOW] != 0:
+            own.coarse = 1
+        elif not coarse and own.coarse != 0:
             detail(g, h, w)
 
 
@@ -68,18 +54,18 @@ def choose_models(w: Workspace) -> None:
 def detail(g: int, h: Grips, w: Workspace) -> None:
     """Represent a gripper by the primitives of its links."""
     own = h.grippers[g]
-    for k in range(own[FIRST_MEMBER], own[END_MEMBER]):
-        for i in range(h.members[k, 0], h.members[k, 1]):
+    for k in range(own.first_member, own.end_member):
+        for i in range(h.members[k].first, h.members[k].end):
             put_in(i, w)
-    take_out(int(own[BOX]), w)
-    own[COARSE_NOW] = 0
+    take_out(own.box, w)
+    own.coarse = 0
 
 
 @kernel
 def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
     """Whether any primitive that a gripper is checked against is within a distance."""
     everyone = w.groups.shape[0]
-    if everyone <= FEW or w.settings[INDEX_KIND] == BRUTE_FORCE:
+    if everyone <= FEW or w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
         for j in range(everyone):
             if is_near(box, j, near, w):
                 return True
@@ -87,8 +73,8 @@ def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
     for k in range(3):
         w.look_box[k] = w.world.boxes[box, k] - near
         w.look_box[k + 3] = w.world.boxes[box, k + 3] + near
-    w.memory[TOKEN] += 1
-    token = w.memory[TOKEN]
+    w.memory[0].token += 1
+    token = w.memory[0].token
     found = primitives_in_box(box, w.look_box, w.octree, w.seen, token, w.candidates)
     for k in range(found):
         if is_near(box, int(w.candidates[k]), near, w):
@@ -109,7 +95,7 @@ def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
 @kernel(inline=False)
 def put_in(i: int, w: Workspace) -> None:
     """Insert a primitive into the index at its present pose."""
-    if w.settings[INDEX_KIND] == BRUTE_FORCE:
+    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
         w.octree.residency[i, STATUS] = INDEXED
     else:
         octree_insert(i, w.world, w.octree)
@@ -118,7 +104,7 @@ def put_in(i: int, w: Workspace) -> None:
 @kernel(inline=False)
 def take_out(i: int, w: Workspace) -> None:
     """Remove a primitive from the index."""
-    if w.settings[INDEX_KIND] == BRUTE_FORCE:
+    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
         w.octree.residency[i, STATUS] = ABSENT
     else:
         octree_remove(i, w.world, w.octree)

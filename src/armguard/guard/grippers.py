@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from armguard.errors import GraspError, UnknownNameError, did_you_mean, known_names
-from armguard.guard import grips as at
-from armguard.guard.grips import Grips
+from armguard.guard.grips import GripperModel, Grips
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.scene.hold_tables import GripperPart
@@ -82,7 +81,11 @@ class Grippers:
             UnknownNameError: There is no such robot.
             GraspError: It has no gripper or no box, or there is no such model.
         """
-        models = {"auto": at.AUTO, "coarse": at.COARSE, "detailed": at.DETAILED}
+        models = {
+            "auto": GripperModel.AUTO,
+            "coarse": GripperModel.COARSE,
+            "detailed": GripperModel.DETAILED,
+        }
         g, part = self.of(robot)
         if model not in models:
             raise GraspError(f"model is {model!r}; {did_you_mean(str(model), models)}")
@@ -91,7 +94,7 @@ class Grippers:
                 f"the gripper of '{robot}' has no coarse model; leave out "
                 "`coarse: false` in the scene"
             )
-        self.grips.grippers[g, at.MODEL] = models[model]
+        self.grips.grippers[g].model = models[model]
 
     @contextmanager
     def detailed(self) -> Iterator[None]:
@@ -122,29 +125,29 @@ class Grippers:
         """
         swapped = []
         for g, own in enumerate(self.grips.grippers):
-            if own[at.BOX] < 0 or not self.is_there(int(own[at.BOX])):
+            if own.box < 0 or not self.is_there(own.box):
                 continue
-            swapped += [g] if own[at.COARSE_NOW] else []
+            swapped += [g] if own.coarse else []
             for first, end in self._members(g):
                 for i in range(first, end):
                     self.index.insert(i)
-            self.index.remove(int(own[at.BOX]))
-            own[at.COARSE_NOW] = 0
+            self.index.remove(own.box)
+            own.coarse = 0
         return swapped
 
     def show_coarse(self, g: int) -> None:
         """Represent a gripper by its box."""
         own = self.grips.grippers[g]
-        self.index.insert(int(own[at.BOX]))
+        self.index.insert(own.box)
         for first, end in self._members(g):
             for i in range(first, end):
                 self.index.remove(i)
-        own[at.COARSE_NOW] = 1
+        own.coarse = 1
 
     def show_those_coarse(self) -> None:
         """Insert the boxes of the grippers whose row marks them as coarse."""
         for g, own in enumerate(self.grips.grippers):
-            if own[at.COARSE_NOW]:
+            if own.coarse:
                 self.show_coarse(g)
         if len(self.grips.grippers):
             self.world_changed()

@@ -22,7 +22,6 @@ from armguard.guard.hanging import no_sensor_is_stuck
 from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
-from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.observe import clocks_are_right, observe
 from armguard.guard.stops import (
@@ -116,7 +115,7 @@ def take_input(q: Vector, w: Workspace) -> None:
     v.given.judged = 1.0
     begin(v, m)
     # Every pair is measured: one that does not move may need another distance now.
-    w.memory[FORCE] = 1
+    w.memory[0].measure_all = 1
     rebuild_world(q, asks_index(w), w)
     write_axes(w.T_world, m)
     for plan in range(2):

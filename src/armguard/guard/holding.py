@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from armguard.errors import GraspError, UnknownNameError, did_you_mean
 from armguard.geometry.witness import WITNESS_WIDTH
-from armguard.guard import grips as at
 from armguard.guard.body_distance import body_distance
 from armguard.guard.contract import ROOM, Contract, ContractTable, gain_of
 from armguard.guard.grippers import Grippers
+from armguard.guard.grips import ContractKind, ContractState
 from armguard.guard.riding import as_held, carry, set_down, speed_of
 from armguard.guard.watch import Watch
 from armguard.motion.state import Motion
@@ -61,7 +61,7 @@ class Holding:
 
     def warm_up(self) -> None:
         """Compile or load the kernels of transactions, if objects are graspable."""
-        if self.grippers.grips.objects.size:
+        if self.grippers.grips.objects.shape[0]:
             body_distance(0, 0, 0, 0, self.lines(), np.zeros(WITNESS_WIDTH))
 
     def grasp(self, robot: str, name: str) -> None:
@@ -127,8 +127,11 @@ class Holding:
         self.table.forget_intent(g)
         self.holders[name] = [*holders, robot]
         row = self.grippers.grips.objects[self._number(name)]
-        row[at.SECOND if holders else at.HOLDER] = g
-        self.grippers.grips.grippers[g, at.HOLDS] += 1
+        if holders:
+            row.second_holder = g
+        else:
+            row.holder = g
+        self.grippers.grips.grippers[g].held_count += 1
         if not holders:
             carry(item, part, *self._riding())
         self._check_groups()
@@ -146,15 +149,15 @@ class Holding:
             raise GraspError(f"'{robot}' does not hold '{name}'; {who}")
         left = [other for other in holders if other != robot]
         row = self.grippers.grips.objects[self._number(name)]
-        self.grippers.grips.grippers[g, at.HOLDS] -= 1
-        row[at.HOLDER] = self.grippers.of(left[0])[0] if left else -1.0
-        row[at.SECOND] = -1.0
+        self.grippers.grips.grippers[g].held_count -= 1
+        row.holder = self.grippers.of(left[0])[0] if left else -1
+        row.second_holder = -1
         if left:
             self.holders[name] = left
             carry(item, self.grippers.of(left[0])[1], *self._riding())
         else:
             del self.holders[name]
-            self.table.close(name, (at.STANDING, at.BESIDE))
+            self.table.close(name, (ContractKind.SUPPORT, ContractKind.NEIGHBOUR))
             set_down(item, *self._riding())
         self._check_groups()
         self._let_go(part, item)
@@ -186,7 +189,7 @@ class Holding:
         """End contracts by intent, and represent grippers by their detailed models."""
         for g, own in enumerate(self.grippers.grips.grippers):
             self.table.forget_intent(g)
-            own[at.SPENT_ON] = -1
+            own.expired_target = -1
         self.table.write_groups()
         self.grippers.show_detailed()
 
@@ -271,16 +274,16 @@ class Holding:
         for other in supports:
             if not self._are_checked(item.name, other):
                 continue
-            row = self.table.row(item.name, other, at.STANDING)
+            row = self.table.row(item.name, other, ContractKind.SUPPORT)
             if row is None:
                 continue
             distance = near[other][0] if other in near else inf
-            row[at.DEPTH] = max(grasp.depth, ROOM - distance)
-            row[at.CREEP], row[at.GAIN] = grasp.creep, gain_of(grasp)
-            row[at.NEAR], row[at.SPEED] = grasp.near, grasp.intent_speed
-            row[at.REARM] = row[at.LIFT] = grasp.lift
+            row.depth = max(grasp.depth, ROOM - distance)
+            row.creep, row.gain = grasp.creep, gain_of(grasp)
+            row.near, row.speed = grasp.near, grasp.intent_speed
+            row.end_distance = row.lift = grasp.lift
             rests = distance <= grasp.lift
-            row[at.STATE] = at.IN_FORCE if rests else at.DORMANT
+            row.state = ContractState.IN_FORCE if rests else ContractState.DORMANT
         for other, witness in near.items():
             if other not in supports:
                 self.table.keep_apart(item.name, other, float(witness[0]), grasp)
@@ -294,9 +297,9 @@ class Holding:
             row = self.table.keep_apart(item.name, other, float(witness[0]), grasp)
             if row is None:
                 continue
-            row[at.KIND] = at.LET_GO
+            row.kind = ContractKind.RELEASED
             if other in part.fingers:
-                row[at.DEPTH] = max(grasp.depth, row[at.DEPTH])
+                row.depth = max(grasp.depth, row.depth)
 
     def _neighbours(self, item: Graspable) -> Iterator[tuple[str, Floats]]:
         """Checked bodies that are too near to an object, with their witness rows."""

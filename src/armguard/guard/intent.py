@@ -24,61 +24,16 @@ from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.contracts import open_contract
 from armguard.guard.finger_way import runs_into
 from armguard.guard.grips import (
-    AIM,
-    BODY,
-    BY_INTENT,
-    COARSE_NOW,
-    CREEP,
-    DEPTH,
-    DORMANT,
-    END,
-    END_A,
-    END_B,
-    END_FINGER,
-    ENDING,
-    EXPIRED,
-    EXPIRY,
-    FIRST,
-    FIRST_A,
-    FIRST_B,
-    FIRST_FINGER,
-    GAIN,
-    GRIPPER,
-    GROUP,
-    GROUP_A,
-    GROUP_B,
-    HOLDS,
-    IN_FORCE,
-    INTENDED,
-    INTENT_SPEED,
-    KIND,
-    LIFT,
-    NEAR,
-    NEAREST,
-    NONE,
-    NORMAL,
-    NOWHERE,
-    OBJECT_BODY,
-    OBJECT_CREEP,
-    OBJECT_DEPTH,
-    OBJECT_NEAR,
-    POINT,
-    REARM,
-    REGION,
-    SLOT,
-    SPEED,
-    SPENT_ON,
-    STANDING,
-    STATE,
-    UNTIL,
+    ANYWHERE,
+    ContractKind,
+    ContractRow,
+    ContractState,
     Grips,
 )
 from armguard.guard.near_pairs import boxes_apart
 from armguard.guard.observe import now_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import (
-    Workspace,
-)
+from armguard.guard.workspace import Workspace
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
@@ -103,7 +58,7 @@ NEARER = 0.005
 FROM_MIDDLE = 0.25
 
 # Slower motion than this has no direction [m/s].
-STANDS = 1e-4
+DIRECTED_SPEED = 1e-4
 
 # Least share of an approach: of the distance from the middle of the fingers to the
 # target, by their path; of the speed of an object that is put down [-].
@@ -123,7 +78,7 @@ def read_intents(u: Vector, w: Workspace) -> None:
     for g in range(h.grippers.shape[0]):
         read_gripper(g, u, h, w, v, m)
     for k in range(h.contracts.shape[0]):
-        if h.contracts[k, KIND] == STANDING:
+        if h.contracts[k].kind == ContractKind.SUPPORT:
             read_placing(k, u, h, w, m)
 
 
@@ -140,35 +95,34 @@ def read_gripper(
         score = score_of(g, o, u, way, h, w, m)
         if score < least:
             best, least = o, score
-        if o == own[INTENDED]:
+        if o == own.target:
             now_at = score
-    intended = own[INTENDED]
-    if intended >= 0:
+    if own.target >= 0:
         still = now_at < inf and not least + NEARER < now_at
-        for k in range(own[SLOT], own[SLOT] + own[END_FINGER] - own[FIRST_FINGER]):
-            state = h.contracts[k, STATE]
-            if still and state == ENDING:
-                h.contracts[k, STATE] = IN_FORCE
-            elif not still and state == IN_FORCE:
-                h.contracts[k, STATE] = ENDING
+        for k in range(own.first_finger, own.end_finger):
+            state = h.contracts[k].state
+            if still and state == ContractState.ENDING:
+                h.contracts[k].state = ContractState.IN_FORCE
+            elif not still and state == ContractState.IN_FORCE:
+                h.contracts[k].state = ContractState.ENDING
     elif best >= 0:
-        mean(g, best, h, v)
+        set_target(g, best, h, v)
 
 
 @kernel
 def settle_intended(g: int, h: Grips) -> None:
     """Clear the grasp target of a gripper once all its contracts are over."""
     own = h.grippers[g]
-    if own[INTENDED] < 0:
+    if own.target < 0:
         return
     over = True
-    for k in range(own[SLOT], own[SLOT] + own[END_FINGER] - own[FIRST_FINGER]):
-        state = h.contracts[k, STATE]
-        if state == EXPIRED:
-            own[SPENT_ON] = own[INTENDED]
-        over &= state == NONE
+    for k in range(own.first_finger, own.end_finger):
+        state = h.contracts[k].state
+        if state == ContractState.EXPIRED:
+            own.expired_target = own.target
+        over &= state == ContractState.NONE
     if over:
-        own[INTENDED] = -1
+        own.target = -1
 
 
 @kernel(inline=False)
@@ -187,54 +141,56 @@ def score_of(
         m: Motion.
     """
     own, thing = h.grippers[g], h.objects[o]
-    if own[HOLDS] > 0:
+    if own.held_count > 0:
         return inf
-    first = int(thing[FIRST])
-    if w.octree.residency[first, STATUS] == ABSENT or own[COARSE_NOW] != 0:
+    first = thing.first
+    if w.octree.residency[first, STATUS] == ABSENT or own.coarse != 0:
         return inf
-    near, aim, fast = thing[OBJECT_NEAR], thing[AIM], thing[INTENT_SPEED]
-    if o == own[INTENDED]:
+    near, aim, fast = thing.near, thing.aim, thing.intent_speed
+    if o == own.target:
         near, aim = near * NEAR_AGAIN, aim * NEAR_AGAIN
     else:
         fast *= STEADY
     if not fingers_distance(g, o, near, h, w) <= near:
-        if own[SPENT_ON] == o:
-            own[SPENT_ON] = -1
+        if own.expired_target == o:
+            own.expired_target = -1
         return inf
-    if own[SPENT_ON] == o and own[INTENDED] != o:
+    if own.expired_target == o and own.target != o:
         return inf
     middle = middle_of(g, h, w)
-    other = velocity_of(middle, int(thing[OBJECT_BODY]), u, m)
-    for f in range(own[FIRST_FINGER], own[END_FINGER]):
-        i = int(h.fingers[f, 0])
+    other = velocity_of(middle, thing.body, u, m)
+    for f in range(own.first_finger, own.end_finger):
+        i = h.fingers[f].first
         moves = velocity_of(centre_of(i, w), int(w.bodies[i]), u, m)
         if not norm(sub(moves, other)) <= fast:
             return inf
-    moves = sub(velocity_of(middle, int(own[BODY]), u, m), other)
+    moves = sub(velocity_of(middle, own.body, u, m), other)
     speed = norm(moves)
-    ahead = scaled(thing[OBJECT_NEAR] / speed if speed > STANDS else 0.0, moves)
+    ahead = scaled(thing.near / speed if speed > DIRECTED_SPEED else 0.0, moves)
     for k in range(ROW_WIDTH):
         way[k] = 0.0
     for k in range(3):
         way[1 + k] = way[4 + k] = middle[k]
-    from_middle = max(row_distance(way, first, int(thing[END]), w), 0.0)
+    from_middle = max(row_distance(way, first, thing.end, w), 0.0)
     for k in range(3):
         way[4 + k] = middle[k] + ahead[k]
-    beside = max(row_distance(way, first, int(thing[END]), w), 0.0)
-    if o == own[INTENDED]:
+    beside = max(row_distance(way, first, thing.end, w), 0.0)
+    if o == own.target:
         # A hand that hardly moves, as while the fingers close, has not turned away.
-        turned = not beside <= aim and speed > thing[OBJECT_CREEP]
+        turned = not beside <= aim and speed > thing.creep
     else:
         # A path past the object, or away from it, shows no intent.
-        approaches = beside <= (1.0 - TOWARDS) * from_middle or not speed > STANDS
+        approaches = (
+            beside <= (1.0 - TOWARDS) * from_middle or not speed > DIRECTED_SPEED
+        )
         turned = not beside <= aim or not approaches
     if turned:
         return inf
-    several = own[END_FINGER] - own[FIRST_FINGER] > 1
-    if several and from_middle > 0.0 and speed > thing[OBJECT_CREEP]:
+    several = own.end_finger - own.first_finger > 1
+    if several and from_middle > 0.0 and speed > thing.creep:
         # The object is not between the fingers yet, and has to get there.
-        for f in range(own[FIRST_FINGER], own[END_FINGER]):
-            if runs_into(f, o, scaled(1.0 / speed, moves), thing[OBJECT_NEAR], h, w):
+        for f in range(own.first_finger, own.end_finger):
+            if runs_into(f, o, scaled(1.0 / speed, moves), thing.near, h, w):
                 return inf
     return float(beside + FROM_MIDDLE * from_middle)
 
@@ -246,9 +202,9 @@ def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> f
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     kinds, rows = w.world.kinds, w.world.rows
     least = inf
-    for f in range(own[FIRST_FINGER], own[END_FINGER]):
-        for i in range(h.fingers[f, 0], h.fingers[f, 1]):
-            for j in range(int(thing[FIRST]), int(thing[END])):
+    for f in range(own.first_finger, own.end_finger):
+        for i in range(h.fingers[f].first, h.fingers[f].end):
+            for j in range(thing.first, thing.end):
                 if boxes_apart(w.world.boxes, i, j, within):
                     continue
                 measure(kinds[i], rows[i], kinds[j], rows[j], witness)
@@ -287,10 +243,10 @@ def middle_of(g: int, h: Grips, w: Workspace) -> Vec3:
     """Middle between a gripper's fingers: the mean of their own middles [m]."""
     own = h.grippers[g]
     x = y = z = 0.0
-    for f in range(own[FIRST_FINGER], own[END_FINGER]):
+    for f in range(own.first_finger, own.end_finger):
         a, b, c = finger_middle(f, h, w)
         x, y, z = x + a, y + b, z + c
-    count = own[END_FINGER] - own[FIRST_FINGER]
+    count = own.end_finger - own.first_finger
     return (x / count, y / count, z / count)
 
 
@@ -298,10 +254,10 @@ def middle_of(g: int, h: Grips, w: Workspace) -> Vec3:
 def finger_middle(f: int, h: Grips, w: Workspace) -> Vec3:
     """Middle of a finger's primitives [m]."""
     x = y = z = 0.0
-    for i in range(h.fingers[f, 0], h.fingers[f, 1]):
+    for i in range(h.fingers[f].first, h.fingers[f].end):
         a, b, c = centre_of(i, w)
         x, y, z = x + a, y + b, z + c
-    count = h.fingers[f, 1] - h.fingers[f, 0]
+    count = h.fingers[f].end - h.fingers[f].first
     return (x / count, y / count, z / count)
 
 
@@ -318,44 +274,43 @@ def velocity_of(p: Vec3, body: int, u: Floats, m: Motion) -> Vec3:
 
 
 @kernel
-def mean(g: int, o: int, h: Grips, v: Watch) -> None:
+def set_target(g: int, o: int, h: Grips, v: Watch) -> None:
     """Make an object the grasp target: open contracts between each finger and it."""
     own, thing = h.grippers[g], h.objects[o]
-    own[INTENDED] = o
+    own.target = o
     now = now_of(v)
-    for f in range(own[FIRST_FINGER], own[END_FINGER]):
-        k = int(own[SLOT] + f - own[FIRST_FINGER])
-        c = h.contracts[k]
-        c[KIND], c[GRIPPER] = BY_INTENT, g
-        c[FIRST_A], c[END_A] = h.fingers[f, 0], h.fingers[f, 1]
-        c[FIRST_B], c[END_B] = thing[FIRST], thing[END]
-        c[GROUP_A], c[GROUP_B] = h.fingers[f, 2], thing[GROUP]
-        c[DEPTH], c[CREEP] = thing[OBJECT_DEPTH], thing[OBJECT_CREEP]
-        c[NEAR], c[SPEED] = thing[OBJECT_NEAR], thing[INTENT_SPEED]
-        c[GAIN] = (c[SPEED] - c[CREEP]) / c[NEAR]
-        c[UNTIL], c[REARM] = now + thing[EXPIRY], inf
-        c[REGION] = NOWHERE
-        open_contract(k, h)
+    for f in range(own.first_finger, own.end_finger):
+        c = h.contracts[f]
+        c.kind, c.gripper = ContractKind.INTENT, g
+        c.first_a, c.end_a = h.fingers[f].first, h.fingers[f].end
+        c.first_b, c.end_b = thing.first, thing.end
+        c.group_a, c.group_b = h.fingers[f].group, thing.group
+        c.depth, c.creep = thing.depth, thing.creep
+        c.near, c.speed = thing.near, thing.intent_speed
+        c.gain = (c.speed - c.creep) / c.near
+        c.until, c.end_distance = now + thing.expiry, inf
+        c.region = ANYWHERE
+        open_contract(f, h)
 
 
 @kernel
 def read_placing(k: int, u: Floats, h: Grips, w: Workspace, m: Motion) -> None:
     """Put a held object's contract with a support in force, or end it."""
     c = h.contracts[k]
-    if c[STATE] == DORMANT and approaches_slowly(c, False, u, w, m):
+    if c.state == ContractState.DORMANT and approaches_slowly(c, False, u, w, m):
         # The contract ends when the object has lifted clear again.
-        c[REARM] = NEAR_AGAIN * c[NEAR]
+        c.end_distance = NEAR_AGAIN * c.near
         open_contract(k, h)
-    elif c[STATE] == IN_FORCE and c[REARM] > c[NEAR]:
-        if c[NEAREST] <= 0.0:
-            c[REARM] = c[LIFT]
+    elif c.state == ContractState.IN_FORCE and c.end_distance > c.near:
+        if c.nearest <= 0.0:
+            c.end_distance = c.lift
         elif not approaches_slowly(c, True, u, w, m):
-            c[STATE] = ENDING
+            c.state = ContractState.ENDING
 
 
 @kernel
 def approaches_slowly(
-    c: Floats, again: bool, u: Floats, w: Workspace, m: Motion
+    c: ContractRow, again: bool, u: Floats, w: Workspace, m: Motion
 ) -> bool:
     """Whether a held object is near a support, slow, and approaching it.
 
@@ -366,17 +321,17 @@ def approaches_slowly(
         w: Workspace.
         m: Motion.
     """
-    if not c[NEAREST] <= c[NEAR]:
+    if not c.nearest <= c.near:
         return again
-    a, b = int(c[FIRST_A]), int(c[FIRST_B])
-    point = (c[POINT], c[POINT + 1], c[POINT + 2])
+    a, b = c.first_a, c.first_b
+    point = (c.point[0], c.point[1], c.point[2])
     moves = velocity_of(point, int(w.bodies[a]), u, m)
     if b < m.rate.shape[0]:
         moves = sub(moves, velocity_of(point, int(w.bodies[b]), u, m))
     speed = norm(moves)
     if again:
-        return bool(speed <= c[SPEED])
-    if not speed <= STEADY * c[SPEED]:
+        return bool(speed <= c.speed)
+    if not speed <= STEADY * c.speed:
         return False
-    n = (c[NORMAL], c[NORMAL + 1], c[NORMAL + 2])
-    return bool(dot(n, moves) >= TOWARDS * speed and speed > STANDS)
+    n = (c.normal[0], c.normal[1], c.normal[2])
+    return bool(dot(n, moves) >= TOWARDS * speed and speed > DIRECTED_SPEED)

@@ -26,7 +26,6 @@ from armguard.guard.holding import Holding, snapshot
 from armguard.guard.initial import all_pairs, watch_of
 from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
-from armguard.guard.memory import FORCE, MEMORY
 from armguard.guard.objects import Objects
 from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
@@ -35,19 +34,7 @@ from armguard.guard.saving import Saving
 from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import FEW, Watch
-from armguard.guard.workspace import (
-    BRUTE_FORCE,
-    CONTRACTS,
-    FIRST_ROW,
-    INDEX_KIND,
-    INTENTS,
-    LISTED,
-    MOVING_COUNT,
-    OCTREE,
-    SETTINGS,
-    Measured,
-    Workspace,
-)
+from armguard.guard.workspace import IndexKind, Measured, Memory, Settings, Workspace
 from armguard.guard.world_at_home import build_index, world_at_home
 from armguard.motion import motion_of
 from armguard.record import records
@@ -93,33 +80,35 @@ class Loop:
         self._guarded = any(part.mode != "fixed" for part in tables.robots)
         self._pace = Pace(tables.period, tables.late)
         self._busy = False
-        self._memory = np.zeros(MEMORY, dtype=np.int64)
+        self._memory = records(1, Memory)
         T_world = np.zeros((len(tables.parent), 12))
         world = world_at_home(tables, T_world)
         self._poses = T_world
         self.index = build_index(tables, world)
-        self._memory[FORCE] = 1
+        self._memory[0].measure_all = 1
         first_row = first_row_of(tables)
         answer = answer_of(tables)
         self._out = answer["out"]
         self._watch = watch_of(tables)
         self._input = CycleInput(self._watch, tables.robots)
-        self._settings = settings = np.zeros(SETTINGS, dtype=np.int32)
-        settings[FIRST_ROW] = first_row
+        self._settings = records(1, Settings)
+        settings = self._settings[0]
+        settings.first_row = first_row
         self._motion = motion_of(tables, self._budget)
         self._watch_ledger = Ledger(self._watch)
         self._grips = grips_of(tables)
         self._open_calls()
         self._expect_contracts()
-        settings[MOVING_COUNT] = tables.moving_count
-        settings[INDEX_KIND] = index_kind(tables)
+        settings.moving_count = tables.moving_count
+        settings.index_kind = index_kind(tables)
+        settings.margin = tables.margin
+        settings.static_need = largest_static_need(tables, self._watch)
         workspace = Workspace(
             **scratch_of(tables, len(answer["near"])),
             **answer,
-            settings=settings,
+            settings=self._settings,
             T_world=T_world,
             memory=self._memory,
-            look=np.array([largest_static_need(tables, self._watch)]),
             motion=self._motion,
             watch=self._watch,
             grips=self._grips,
@@ -296,7 +285,7 @@ class Loop:
         in force; those by intent end. Where every mode is "fixed", the next verdict
         does not depend on a reset; only all pairs are measured again.
         """
-        self._memory[FORCE] = 1
+        self._memory[0].measure_all = 1
         self._input.last_stamp = -np.inf
         for name, fresh in watch_of(self.tables)._asdict().items():
             if name not in KEPT:
@@ -310,7 +299,8 @@ class Loop:
     def _expect_contracts(self) -> None:
         """Enable contracts in the loop if there may be any, else disable them."""
         may_be = len(self._grips.grippers) > 0 or self._grips.may.any()
-        self._settings[CONTRACTS] = self._settings[INTENTS] = may_be
+        settings = self._settings[0]
+        settings.contracts = settings.intents = may_be
 
     def _take_over_tables(self) -> None:
         """Apply changed tables of attached bodies and checked groups to the loop."""
@@ -322,7 +312,7 @@ class Loop:
         self._holding.watch = self._watch
         for name, table in (("pairs", pairs), ("pair_need", needs)):
             self._watch_ledger.put(Watch._fields.index(name), table)
-        self._workspace.look[0] = largest_static_need(tables, self._watch)
+        self._settings[0].static_need = largest_static_need(tables, self._watch)
         self._names = replace(self._names, tables=snapshot(tables))
         self._expect_contracts()
         self._world_changed()
@@ -331,7 +321,7 @@ class Loop:
         """Use a rebuilt index, and measure every pair again in the next cycle."""
         if self._workspace.octree is not self.index.state:
             self._open_ledger(self._workspace._replace(octree=self.index.state))
-        self._memory[FORCE] = 1
+        self._memory[0].measure_all = 1
 
     def _open_ledger(self, workspace: Workspace) -> None:
         """Create the ledger through which kernels access the arrays of a workspace."""
@@ -350,7 +340,6 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, Any]:
     count, bodies = len(tables.kinds), len(tables.parent)
     return {
         **{name: getattr(tables, name) for name in OF_SCENE},
-        "margin": np.array([tables.margin]),
         "exact_of": tables.exact.of_primitive,
         "exact_kinds": tables.exact.kinds,
         "exact_rows": tables.exact.rows,
@@ -370,9 +359,9 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, Any]:
 def index_kind(tables: SceneTables) -> int:
     """How pairs are searched without a prediction of stops: by an index or in turn."""
     if tables.index.kind == "brute_force":
-        return BRUTE_FORCE
+        return IndexKind.BRUTE_FORCE
     few = tables.index.kind == "auto" and len(tables.kinds) <= FEW
-    return LISTED if few else OCTREE
+    return IndexKind.LISTED if few else IndexKind.OCTREE
 
 
 def largest_static_need(tables: SceneTables, watch: Watch) -> float:

@@ -12,7 +12,6 @@ from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.demands import judge_motion
 from armguard.guard.layout import NearRow, normal_of, put_witness
-from armguard.guard.memory import CYCLE, KEPT_COUNT, TOKEN
 from armguard.guard.near_pairs import (
     CAPACITY,
     boxes_apart,
@@ -34,13 +33,7 @@ from armguard.guard.proofs import coarse
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import FEW, HYSTERESIS, RECOVERING, Watch
-from armguard.guard.workspace import (
-    BRUTE_FORCE,
-    CONTRACTS,
-    INDEX_KIND,
-    MOVING_COUNT,
-    Workspace,
-)
+from armguard.guard.workspace import IndexKind, Workspace
 from armguard.index.octree_query import (
     octree_candidates,
     present_primitives,
@@ -74,7 +67,8 @@ AHEAD_TIME = 1.5e-2
 @kernel
 def asks_index(w: Workspace) -> int:
     """1 if the pairs of this scene are searched in its index, else 0."""
-    return int(w.groups.shape[0] > FEW and w.settings[INDEX_KIND] != BRUTE_FORCE)
+    searched = w.settings[0].index_kind != IndexKind.BRUTE_FORCE
+    return int(w.groups.shape[0] > FEW and searched)
 
 
 @kernel(separate=True)
@@ -85,8 +79,8 @@ def judge_motions(w: Workspace) -> None:
     required separation may change although a pair does not move.
     """
     v = w.watch
-    w.memory[CYCLE] += 1
-    w.memory[KEPT_COUNT] = 0
+    w.memory[0].cycle += 1
+    w.memory[0].kept_count = 0
     begin_notes(v, w.motion)
     if v.pairs.shape[0] > 0:
         count = go_through_pairs(w)
@@ -104,13 +98,13 @@ def go_through_pairs(w: Workspace) -> int:
         Count of rows of the answer.
     """
     v, m = w.watch, w.motion
-    boxes, margin = w.world.boxes, w.margin[0]
-    moving_count = w.settings[MOVING_COUNT]
+    boxes, margin = w.world.boxes, w.settings[0].margin
+    moving_count = w.settings[0].moving_count
     write_looks(w, v, m)
     for j in range(moving_count, v.look.shape[0]):
         v.look[j] = way_of_object(j, v, m)
     count = filtered = 0
-    contracts = w.settings[CONTRACTS] != 0
+    contracts = w.settings[0].contracts != 0
     for k in range(v.pairs.shape[0]):
         i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
         need, look = v.pair_need[k], v.look[i] + v.look[j]
@@ -150,10 +144,10 @@ def look_for_pairs(w: Workspace) -> int:
     write_looks(w, v, m)
     widest = widest_look(w, v, m)
     count = 0
-    for i in range(w.settings[MOVING_COUNT]):
+    for i in range(w.settings[0].moving_count):
         if is_idle(i, v.robot_of, w):
             continue
-        w.memory[TOKEN] += 1
+        w.memory[0].token += 1
         found = candidates_within(i, widest + v.look[i], w)
         wanted = keep_owned(
             i, found, v.robot_of, w.moved, w.groups, w.checked, candidates
@@ -162,7 +156,7 @@ def look_for_pairs(w: Workspace) -> int:
         for c in range(wanted):
             j = candidates[c]
             need, look = pair_look(i, j, w, v, m)
-            look = max(w.margin[0], look)
+            look = max(w.settings[0].margin, look)
             if farther(boxes, i, j, look):
                 w.header.pairs_filtered += 1.0
             else:
@@ -203,7 +197,7 @@ def judge_pair(
         return count
     put_witness(witness, near)
     distance = near.distance
-    if distance > w.margin[0] and is_far_along(i, j, need, near, w):
+    if distance > w.settings[0].margin and is_far_along(i, j, need, near, w):
         return count
     open_row(i, j, near, w)
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
@@ -211,7 +205,7 @@ def judge_pair(
         refine_pair(i, j, near, w)
     judge_motion(i, j, near, w)
     if (
-        distance > w.margin[0]
+        distance > w.settings[0].margin
         and near.headroom >= hidden_by_error(i, j, w, v)
         and near.time_left >= HYSTERESIS * v.timing.slow_time
     ):
@@ -262,7 +256,7 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
     """
     m = w.motion
     found = hidden(i, v, m)
-    if j < w.settings[MOVING_COUNT]:
+    if j < w.settings[0].moving_count:
         found += hidden(j, v, m)
     return float(found)
 
@@ -282,7 +276,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
     if m.span[SEGMENT] == 0.0:
         bound_twists(w.world.boxes, w.bodies, m)
     time = LOOK_AHEAD * v.timing.slow_time
-    for i in range(w.settings[MOVING_COUNT]):
+    for i in range(w.settings[0].moving_count):
         v.tight[i] = follows_twists(i, v, m)
         if v.tight[i] == 0:
             v.ahead[i] = new_commands(v) + time * m.rate[i]
@@ -366,10 +360,10 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float,
     The need is inf where the pair has to be proven in full.
     """
     need = static_need(i, j, w, v, m)
-    moving = w.settings[MOVING_COUNT]
+    moving = w.settings[0].moving_count
     if j >= moving and m.span[SEGMENT] == 0.0:
         need += object_speed(j, v) * time_ahead(v, m)
-    if w.settings[CONTRACTS] != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
+    if w.settings[0].contracts != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
         look = need + lever_look(i, v, m)
         return (inf, look + lever_look(j, v, m) if j < moving else look)
     look = need + v.look[i]
@@ -401,10 +395,10 @@ def candidates_within(i: int, look: float, w: Workspace) -> int:
     searched with a box query.
     """
     residency = w.octree.residency
-    if w.settings[INDEX_KIND] == BRUTE_FORCE:
+    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
         return int(present_primitives(i, residency, w.candidates))
-    token = w.memory[TOKEN]
-    if look <= w.margin[0]:
+    token = w.memory[0].token
+    if look <= w.settings[0].margin:
         return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
     for k in range(3):
         w.look_box[k] = w.world.boxes[i, k] - look
@@ -416,7 +410,7 @@ def candidates_within(i: int, look: float, w: Workspace) -> int:
 def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
     """Greatest search distance that the other side of a pair can require [m]."""
     farthest = 0.0
-    for i in range(w.settings[MOVING_COUNT]):
+    for i in range(w.settings[0].moving_count):
         farthest = max(farthest, v.look[i])
     fastest = 0.0
     seen = inf
@@ -427,4 +421,4 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
     drift = 0.0
     if fastest > 0.0 and m.span[SEGMENT] == 0.0:
         drift = fastest * (time_ahead(v, m) + time_since(seen, v, m))
-    return float(farthest + drift + w.look[0])
+    return float(farthest + drift + w.settings[0].static_need)

@@ -9,17 +9,10 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.layout import NearRow, put_witness
 from armguard.guard.levels import Reason
-from armguard.guard.memory import CYCLE, FORCE, KEPT_COUNT, TOKEN
 from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
-from armguard.guard.workspace import (
-    BRUTE_FORCE,
-    INDEX_KIND,
-    LISTED,
-    MOVING_COUNT,
-    Workspace,
-)
+from armguard.guard.workspace import IndexKind, Workspace
 from armguard.index.octree_query import (
     octree_candidates,
     present_primitives,
@@ -60,11 +53,15 @@ def judge_pairs(w: Workspace) -> None:
     primitives have the lowest ids. So each pair is judged once, and the order of the
     answer does not depend on the order of lists in the index.
     """
-    w.memory[CYCLE] += 1
-    count = judge_listed(w) if w.settings[INDEX_KIND] == LISTED else judge_found(w)
+    w.memory[0].cycle += 1
+    count = (
+        judge_listed(w)
+        if w.settings[0].index_kind == IndexKind.LISTED
+        else judge_found(w)
+    )
     w.header.near_count = count
     decide(count, w)
-    remember(count, w.kept, w.memory, w)
+    remember(count, w.kept, w)
 
 
 @kernel
@@ -76,7 +73,7 @@ def judge_listed(w: Workspace) -> int:
     """
     kept, moved, pairs = w.kept, w.moved, w.watch.pairs
     residency, everything = w.octree.residency, w.groups.shape[0]
-    kept_count = w.memory[KEPT_COUNT]
+    kept_count = w.memory[0].kept_count
     next_kept = count = 0
     last = -1
     for k in range(pairs.shape[0]):
@@ -90,7 +87,7 @@ def judge_listed(w: Workspace) -> int:
             continue
         if residency[i, STATUS] == ABSENT or residency[j, STATUS] == ABSENT:
             continue
-        if boxes_apart(w.world.boxes, i, j, w.margin[0]):
+        if boxes_apart(w.world.boxes, i, j, w.settings[0].margin):
             w.header.pairs_filtered += 1.0
             continue
         count, next_kept = take_kept(i, j, next_kept, kept_count, count, moved, kept, w)
@@ -106,16 +103,16 @@ def judge_found(w: Workspace) -> int:
     Returns:
         Count of rows of the answer.
     """
-    kept, memory, candidates = w.kept, w.memory, w.candidates
+    kept, memory, candidates = w.kept, w.memory[0], w.candidates
     moved, everything = w.moved, w.groups.shape[0]
     robots = w.watch.robot_of
-    kept_count = memory[KEPT_COUNT]
+    kept_count = memory.kept_count
     next_kept = count = 0
-    for i in range(w.settings[MOVING_COUNT]):
+    for i in range(w.settings[0].moving_count):
         if is_idle(i, robots, w):
             continue
-        memory[TOKEN] += 1
-        found = index_candidates(i, memory[TOKEN], w)
+        memory.token += 1
+        found = index_candidates(i, memory.token, w)
         wanted = keep_owned(i, found, robots, moved, w.groups, w.checked, candidates)
         sort_ids(candidates, wanted)
         for c in range(wanted):
@@ -123,7 +120,7 @@ def judge_found(w: Workspace) -> int:
             count, next_kept = take_kept(
                 i, j, next_kept, kept_count, count, moved, kept, w
             )
-            if boxes_apart(w.world.boxes, i, j, w.margin[0]):
+            if boxes_apart(w.world.boxes, i, j, w.settings[0].margin):
                 w.header.pairs_filtered += 1.0
             else:
                 count = judge_candidate(i, j, count, w)
@@ -140,7 +137,12 @@ def judge_candidate(i: int, j: int, count: int, w: Workspace) -> int:
     Returns:
         New count of rows.
     """
-    out, kinds, rows, margin = w.header, w.world.kinds, w.world.rows, w.margin[0]
+    out, kinds, rows, margin = (
+        w.header,
+        w.world.kinds,
+        w.world.rows,
+        w.settings[0].margin,
+    )
     if is_apart(i, j, margin, w):
         out.pairs_apart += 1.0
         return count
@@ -180,7 +182,7 @@ def open_row(i: int, j: int, near: NearRow, w: Workspace) -> None:
 @kernel
 def index_candidates(i: int, token: int, w: Workspace) -> int:
     """Ids that may be near primitive i, each once: by the octree, or all of them."""
-    if w.settings[INDEX_KIND] == BRUTE_FORCE:
+    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
         return int(present_primitives(i, w.octree.residency, w.candidates))
     return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
 
@@ -318,14 +320,14 @@ def reason_of(proof: int) -> int:
 
 
 @kernel
-def remember(count: int, kept: Records[NearRow], memory: Longs, w: Workspace) -> None:
+def remember(count: int, kept: Records[NearRow], w: Workspace) -> None:
     """Keep this cycle's rows for the next one, unless some are missing."""
-    out = w.header
+    out, memory = w.header, w.memory[0]
     if out.reason == CAPACITY or out.reason == NO_DISTANCE:
-        memory[KEPT_COUNT] = 0
-        memory[FORCE] = 1
+        memory.kept_count = 0
+        memory.measure_all = 1
         return
     for k in range(count):
         copy(w.near[k], kept[k])
-    memory[KEPT_COUNT] = count
-    memory[FORCE] = 0
+    memory.kept_count = count
+    memory.measure_all = 0

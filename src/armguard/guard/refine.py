@@ -16,7 +16,6 @@ from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.layout import NearRow, put_witness
-from armguard.guard.memory import CYCLE
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.table import Vector
@@ -45,7 +44,7 @@ def refine_pair(i: int, j: int, near: NearRow, w: Workspace) -> None:
     # Key of a side: its link's exact shapes, or the primitive, which is exact.
     key_a = first_a if count_a else -1 - i
     key_b = first_b if count_b else -1 - j
-    line, cycle = w.memo[(key_a * 31 + key_b) % MEMO_SIZE], w.memory[CYCLE]
+    line, cycle = w.memo[(key_a * 31 + key_b) % MEMO_SIZE], w.memory[0].cycle
     if line.cycle != cycle or line.key_a != key_a or line.key_b != key_b:
         measure_parts(i, j, w, line.witness[:])
         w.header.pairs_refined += 1.0

@@ -1,6 +1,6 @@
 """Second step of a cycle: update of the index for the primitives that moved."""
 
-from armguard.guard.workspace import BRUTE_FORCE, INDEX_KIND, MOVING_COUNT, Workspace
+from armguard.guard.workspace import IndexKind, Workspace
 from armguard.index.octree_state import (
     COUNT_ENTERED,
     COUNT_LEFT,
@@ -17,13 +17,13 @@ def update_index(w: Workspace) -> None:
 
     Brute force keeps no structure, so there is nothing to update.
     """
-    if w.settings[INDEX_KIND] == BRUTE_FORCE:
+    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
         return
     counters, out = w.octree.counters, w.header
     entered, left = counters[COUNT_ENTERED], counters[COUNT_LEFT]
     splits, merges = counters[COUNT_SPLITS], counters[COUNT_MERGES]
     changed_body = -1
-    for i in range(w.settings[MOVING_COUNT]):
+    for i in range(w.settings[0].moving_count):
         body = w.bodies[i]
         if not w.body_moved[body]:
             continue

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard import grips as at
 from armguard.guard.grips import Grips
 from armguard.guard.static_errors import (
     STATIC_ERRORS,
@@ -140,15 +139,16 @@ def as_held(
     parent, length = tables.parent.copy(), motion.length.copy()
     robot_of = tables.robot_of_primitive.copy()
     joints = motion.joints.copy()
-    grippers, objects = grips.grippers.copy(), grips.objects.copy()
-    grippers[:, at.HOLDS] = 0
+    grippers: Any = grips.grippers.copy()
+    objects: Any = grips.objects.copy()
+    grippers["held_count"] = 0
     carrier = np.arange(len(parent))
     free = []
     for o, (name, item) in enumerate(holds.objects.items()):
         numbers = [numbers_of[robot] for robot in holders.get(name, ())]
         body, own = item.body, slice(*holds.places[name])
-        grippers[numbers, at.HOLDS] += 1
-        objects[o, [at.HOLDER, at.SECOND]] = [*numbers, -1, -1][:2]
+        grippers["held_count"][numbers] += 1
+        objects[o].holder, objects[o].second_holder = [*numbers, -1, -1][:2]
         if numbers:
             part = holds.grippers[numbers[0]]
             carrier[body], parent[body] = part.body, part.body

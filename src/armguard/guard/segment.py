@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cycle import clear_header, rebuild_world
 from armguard.guard.layout import NEAR_WIDTH
-from armguard.guard.memory import FORCE
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
@@ -33,7 +32,7 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
     m = w.motion
     rows = clear_header(w)
     plan_segment(start, end, m)
-    w.memory[FORCE] = 1
+    w.memory[0].measure_all = 1
     rebuild_world(m.q, asks_index(w), w)
     write_axes(w.T_world, m)
     bound_reaches(NEXT, w.bodies, m)
@@ -41,5 +40,5 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
     judge_all(w)
     w.header.spans_tested = m.effort[TESTS]
     m.span[SEGMENT] = 0.0
-    w.memory[FORCE] = 1
+    w.memory[0].measure_all = 1
     return rows + int(w.header.near_count) * NEAR_WIDTH

@@ -20,7 +20,6 @@ from armguard.guard.loop import Loop
 from armguard.guard.verdict import Verdict
 from armguard.guard.walk import Walk, late_cycle
 from armguard.guard.watch import SLOW_TIME_DEFAULT, Watch
-from armguard.guard.workspace import INTENTS
 from armguard.scene import Scene
 from armguard.scene.posture import coinciding
 
@@ -114,14 +113,14 @@ def untouched(guard: Loop) -> Iterator[None]:
     Meanwhile moving objects count as always seen, and intents are not read: a test
     approach must not open a contract.
     """
-    watch, grips, settings = guard._watch, guard._grips, guard._settings
+    watch, grips, settings = guard._watch, guard._grips, guard._settings[0]
     before = {name: array.copy() for name, array in watch._asdict().items()}
     contracts, may, intents = (
         grips.contracts.copy(),
         grips.may.copy(),
-        settings[INTENTS],
+        settings.intents,
     )
-    settings[INTENTS] = 0
+    settings.intents = 0
     see_movers(watch)
     try:
         yield
@@ -130,7 +129,7 @@ def untouched(guard: Loop) -> Iterator[None]:
         for name, array in before.items():
             getattr(watch, name)[...] = array
         grips.contracts[:], grips.may[:] = contracts, may
-        settings[INTENTS] = intents
+        settings.intents = intents
 
 
 def see_movers(watch: Watch) -> None:

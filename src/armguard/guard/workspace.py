@@ -1,5 +1,6 @@
 """All arrays that a cycle reads and writes, and their order in the ledger."""
 
+from enum import IntEnum
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -30,6 +31,60 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
+
+
+class IndexKind(IntEnum):
+    """How a cycle without a prediction of stops searches for near pairs.
+
+    Attributes:
+        OCTREE: By the octree.
+        BRUTE_FORCE: By boxes, one primitive against all others.
+        LISTED: By no index: it tests all checked pairs in turn.
+    """
+
+    OCTREE = 0
+    BRUTE_FORCE = 1
+    LISTED = 2
+
+
+@record
+class Settings:
+    """Settings of a loop, constant during a cycle.
+
+    Attributes:
+        moving_count: Number of primitives that move with a body; they come first.
+        index_kind: See `IndexKind`.
+        first_row: Index at which the rows of near pairs start in the answer.
+        contracts: 1 where contracts may be in force.
+        intents: 1 where contracts by intent are opened.
+        margin: Reporting distance [m].
+        static_need: Upper bound of the static need of any pair [m].
+    """
+
+    moving_count: int
+    index_kind: int
+    first_row: int
+    contracts: int
+    intents: int
+    margin: float
+    static_need: float
+
+
+@record
+class Memory:
+    """Integers that a loop carries from one cycle to the next.
+
+    Attributes:
+        token: Count of lists of candidates, so that `seen` needs no clearing.
+        kept_count: Count of near pairs of the last valid cycle.
+        measure_all: 1 if no row of the last cycle may be kept.
+        cycle: Count of cycles.
+    """
+
+    token: int
+    kept_count: int
+    measure_all: int
+    cycle: int
 
 
 @record
@@ -69,8 +124,7 @@ class Workspace(NamedTuple):
         groups: Rule group of each primitive.
         checked: 1 where two groups are checked.
         buffers: Buffer of each pair of groups [m].
-        margin: Reporting distance, shape (1,) [m].
-        settings: See MOVING_COUNT, shape (SETTINGS,).
+        settings: Settings of the loop, shape (1,).
         T_next: Scratch for poses, shape (b, 12).
         T_world: Poses of the last valid cycle, shape (b, 12).
         body_moved: 1 where a body's pose changed, shape (b,).
@@ -78,7 +132,7 @@ class Workspace(NamedTuple):
         candidates: Scratch for ids of primitives, shape (p,).
         seen: Scratch of the index: token of the last query, shape (p,).
         kept: Rows of near pairs of the last valid cycle, shape (k,).
-        memory: Integers carried between cycles, see `memory`, shape (MEMORY,).
+        memory: What a cycle carries to the next one, shape (1,).
         out: Answer, see `layout`, shape (first row + k · NEAR_WIDTH,).
         header: Its header, in the same memory.
         robots: Its rows of the robots, likewise, shape (r,) or (0,).
@@ -90,7 +144,6 @@ class Workspace(NamedTuple):
         memo: Cached distances of exact shapes, see `refine`, shape (MEMO_SIZE,).
         planes: Keys of pairs with a separating plane, see `planes`, (PLANE_COUNT,).
         normals: Normals of these planes, shape (PLANE_COUNT, 3).
-        look: Upper bound of the static need of any pair, shape (1,) [m].
         look_box: Scratch for a bounding box, shape (6,) [m].
         motion: Predicted stops and the displacements they cause.
         watch: Inputs, commands and the state of the robots.
@@ -112,8 +165,7 @@ class Workspace(NamedTuple):
     groups: IntVector
     checked: ByteMatrix
     buffers: Matrix
-    margin: Vector
-    settings: IntVector
+    settings: Annotated[Records[Settings], 1]
     T_next: Matrix
     T_world: Matrix
     body_moved: ByteVector
@@ -121,7 +173,7 @@ class Workspace(NamedTuple):
     candidates: IntVector
     seen: LongVector
     kept: Annotated[Records[NearRow], 1]
-    memory: LongVector
+    memory: Annotated[Records[Memory], 1]
     out: Vector
     header: Header
     robots: Annotated[Records[RobotRow], 1]
@@ -133,27 +185,12 @@ class Workspace(NamedTuple):
     memo: Annotated[Records[Measured], 1]
     planes: LongVector
     normals: Matrix
-    look: Vector
     look_box: Vector
     motion: Annotated[Motion, TABLE]
     watch: Annotated[Watch, TABLE]
     grips: Annotated[Grips, TABLE]
     world: World
     octree: OctreeState
-
-
-# Indices of `Workspace.settings`.
-MOVING_COUNT = 0
-INDEX_KIND = 1
-FIRST_ROW = 2  # index at which the rows of near pairs start in the answer
-CONTRACTS = 3  # 1 where contracts may be in force
-INTENTS = 4  # 1 where contracts by intent are opened
-SETTINGS = 5
-
-# Kinds of index.
-OCTREE = 0
-BRUTE_FORCE = 1
-LISTED = 2  # none: all checked pairs are tested in turn
 
 
 open_workspace = opener(Workspace)

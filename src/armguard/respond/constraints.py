@@ -5,8 +5,7 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.grips import BY_INTENT, ENDING, STATE
-from armguard.guard.grips import KIND as CONTRACT_KIND
+from armguard.guard.grips import ContractKind, ContractState
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -233,7 +232,7 @@ def add_contract(
         a.rows[at, q] = a.raw[q]
     c = w.grips.contracts[k]
     limit = part * granted_speed(r, distance, c, m)
-    if c[STATE] == ENDING and c[CONTRACT_KIND] == BY_INTENT:
+    if c.state == ContractState.ENDING and c.kind == ContractKind.INTENT:
         # The object is no grasp target any more: approach it no further.
         limit = 0.0
     keep_row(r, first, end, at, limit, limit, opens, a)

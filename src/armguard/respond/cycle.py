@@ -21,7 +21,7 @@ from armguard.guard.watch import (
     RUNNING,
     Watch,
 )
-from armguard.guard.workspace import FIRST_ROW, INTENTS, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked, Changed
@@ -91,7 +91,7 @@ def respond(a: Response, w: Workspace) -> int:
     take_requested(a, v, m)
     lead_robots(a, w)
     s = a.lead
-    if w.settings[INTENTS] != 0:
+    if w.settings[0].intents != 0:
         read_intents(a.requested, w)
     look_for_threats(a, w)
     for r in range(a.notes.shape[0]):
@@ -187,7 +187,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
     note_leads(judged, a, w)
     note_changes(judged, a, v, m)
     write_command(a, v)
-    return int(w.settings[FIRST_ROW]) + int(w.header.near_count) * NEAR_WIDTH
+    return int(w.settings[0].first_row) + int(w.header.near_count) * NEAR_WIDTH
 
 
 @kernel

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
-from armguard.guard.memory import TOKEN
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.needs import robot_of, static_need, time_since
 from armguard.guard.watch import Watch
@@ -337,8 +336,8 @@ def found_near(i: int, e: Escape, w: Workspace) -> int:
     for k in range(3):
         w.look_box[k] = e.boxes[i, k] - FOUND_WITHIN
         w.look_box[k + 3] = e.boxes[i, k + 3] + FOUND_WITHIN
-    w.memory[TOKEN] += 1
-    token = w.memory[TOKEN]
+    w.memory[0].token += 1
+    token = w.memory[0].token
     found = primitives_in_box(i, w.look_box, w.octree, w.seen, token, w.candidates)
     e.counts[SPENT] += ASKING + found // FOUND_AT_ONCE
     return int(found)

@@ -15,7 +15,7 @@ from armguard.guard.commands import time_passed
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.needs import robot_of, time_since
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
-from armguard.guard.workspace import MOVING_COUNT, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, PROVEN
@@ -254,7 +254,7 @@ def look_for_approaching(
     counts[OWN_COUNT] = counts[APPROACHING_COUNT] = 0
     for k in range(3):
         reach[k], reach[k + 3] = inf, -inf
-    for i in range(w.settings[MOVING_COUNT]):
+    for i in range(w.settings[0].moving_count):
         if robot_of(i, v) != r:
             continue
         e.own[counts[OWN_COUNT]] = i

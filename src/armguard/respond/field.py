@@ -181,7 +181,7 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
             if r < 0 or s.notes[r, LED] != BY_FIELD or (side == 1 and r == robot_i):
                 continue
             # Pairs beyond the margin are not measured, so they do not repel.
-            reach = min(a.settings[r].influence, w.margin[0] - need)
+            reach = min(a.settings[r].influence, w.settings[0].margin - need)
             if spare < reach:
                 repel_by(r, max(spare / reach, 0.0), a, s, m)
     for r in range(s.weight.shape[0]):

@@ -4,12 +4,7 @@ To keep an arm on its path all its joints slow down in proportion. A finger that
 the grasp target would then delay the other finger, which does not touch it yet.
 """
 
-from armguard.guard.grips import (
-    BODY,
-    END_FINGER,
-    FIRST_FINGER,
-    Grips,
-)
+from armguard.guard.grips import Grips
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
@@ -29,8 +24,8 @@ def slow_fingers(r: int, a: Response, w: Workspace, m: Motion) -> None:
     """
     h = w.grips
     for g in range(h.grippers.shape[0]):
-        for f in range(h.grippers[g, FIRST_FINGER], h.grippers[g, END_FINGER]):
-            slow_finger(r, int(w.bodies[h.fingers[f, 0]]), g, a, h, m)
+        for f in range(h.grippers[g].first_finger, h.grippers[g].end_finger):
+            slow_finger(r, int(w.bodies[h.fingers[f].first]), g, a, h, m)
 
 
 @kernel
@@ -39,7 +34,7 @@ def slow_finger(r: int, body: int, g: int, a: Response, h: Grips, m: Motion) -> 
     for k in range(m.length[body]):
         b = m.joints[body, k]
         j = m.q_index[b]
-        if m.robot_of_joint[j] != r or carries(b, h.grippers[g, BODY], m):
+        if m.robot_of_joint[j] != r or carries(b, h.grippers[g].body, m):
             continue
         for row in range(a.notes[r, ROW_COUNT]):
             slow_joint(j, r, r * ROWS + row, a, m)

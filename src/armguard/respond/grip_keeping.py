@@ -1,12 +1,6 @@
 """Finger joints that hold an object: only their operator moves them."""
 
-from armguard.guard.grips import (
-    BODY,
-    END_FINGER,
-    FIRST_FINGER,
-    HOLDS,
-    Grips,
-)
+from armguard.guard.grips import Grips
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
@@ -27,10 +21,10 @@ def keep_grips(a: Response, w: Workspace, m: Motion) -> None:
     """
     h = w.grips
     for g in range(h.grippers.shape[0]):
-        if h.grippers[g, HOLDS] == 0:
+        if h.grippers[g].held_count == 0:
             continue
-        for f in range(h.grippers[g, FIRST_FINGER], h.grippers[g, END_FINGER]):
-            keep_finger(int(w.bodies[h.fingers[f, 0]]), g, a, h, m)
+        for f in range(h.grippers[g].first_finger, h.grippers[g].end_finger):
+            keep_finger(int(w.bodies[h.fingers[f].first]), g, a, h, m)
 
 
 @kernel
@@ -38,7 +32,7 @@ def keep_finger(body: int, g: int, a: Response, h: Grips, m: Motion) -> None:
     """Narrow the bounds of the joints that move a finger but not its gripper."""
     for k in range(m.length[body]):
         b = m.joints[body, k]
-        if carries(b, h.grippers[g, BODY], m):
+        if carries(b, h.grippers[g].body, m):
             continue
         j = m.q_index[b]
         a.low[j] = min(a.brake[j], a.target[j])

@@ -13,23 +13,11 @@ from numpy.typing import NDArray
 from armguard.geometry.vec3 import norm
 from armguard.guard.contact_speed import GRANTED, allowed_speed
 from armguard.guard.contracts import contract_of
-from armguard.guard.grips import (
-    BODY,
-    BY_INTENT,
-    END_FINGER,
-    FIRST_A,
-    FIRST_FINGER,
-    GRIPPER,
-    IN_FORCE,
-    KIND,
-    POINT,
-    STANDING,
-    STATE,
-)
+from armguard.guard.grips import ContractKind, ContractRow, ContractState
 from armguard.guard.intent import TOWARDS, velocity_of
 from armguard.guard.needs import robot_of
 from armguard.guard.watch import Watch
-from armguard.guard.workspace import INTENTS, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.state import (
@@ -44,11 +32,11 @@ Floats = NDArray[np.float64]
 @kernel(inline=False)
 def reaches_anything(w: Workspace) -> bool:
     """Whether any contract is in force; else no pair has to be checked for one."""
-    if w.settings[INTENTS] == 0:
+    if w.settings[0].intents == 0:
         return False
     h = w.grips
     for k in range(h.contracts.shape[0]):
-        if h.contracts[k, STATE] == IN_FORCE:
+        if h.contracts[k].state == ContractState.IN_FORCE:
             return True
     return False
 
@@ -77,13 +65,15 @@ def straight_contract(
     if k < 0:
         return -1
     c = h.contracts[k]
-    if c[STATE] != IN_FORCE or not (c[KIND] == BY_INTENT or c[KIND] == STANDING):
+    if c.state != ContractState.IN_FORCE or not (
+        c.kind == ContractKind.INTENT or c.kind == ContractKind.SUPPORT
+    ):
         return -1
-    if robot_of(int(c[FIRST_A]), v) != r:
+    if robot_of(c.first_a, v) != r:
         # Only the robot of the contract's first side approaches under it.
         return -1
-    point = (c[POINT], c[POINT + 1], c[POINT + 2])
-    velocity = velocity_of(point, int(w.bodies[int(c[FIRST_A])]), a.requested, m)
+    point = (c.point[0], c.point[1], c.point[2])
+    velocity = velocity_of(point, int(w.bodies[c.first_a]), a.requested, m)
     first = m.robot_figures[r].first_joint
     closing = 0.0
     for q in range(first, first + m.robot_figures[r].joint_count):
@@ -141,7 +131,7 @@ def share_kept(
     r: int,
     row: Floats,
     limit: float,
-    c: Floats,
+    c: ContractRow,
     a: Response,
     w: Workspace,
     m: Motion,
@@ -159,7 +149,7 @@ def share_kept(
 
 @kernel
 def slow_arm(
-    r: int, kept: float, c: Floats, a: Response, w: Workspace, m: Motion
+    r: int, kept: float, c: ContractRow, a: Response, w: Workspace, m: Motion
 ) -> None:
     """Scale an arm's target by a share, but brake no harder than its declared stop."""
     if kept >= 1.0:
@@ -177,23 +167,23 @@ def slow_arm(
 
 
 @kernel
-def granted_speed(r: int, distance: float, c: Floats, m: Motion) -> float:
+def granted_speed(r: int, distance: float, c: ContractRow, m: Motion) -> float:
     """Closing speed that a response uses under a contract [m/s]."""
     time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
     return float(GRANTED * allowed_speed(distance, time, c))
 
 
 @kernel
-def is_finger(q: int, c: Floats, w: Workspace, m: Motion) -> bool:
+def is_finger(q: int, c: ContractRow, w: Workspace, m: Motion) -> bool:
     """Whether a joint moves a finger of a contract's gripper, but not the gripper."""
-    if c[KIND] != BY_INTENT:
+    if c.kind != ContractKind.INTENT:
         return False
     h = w.grips
-    own = h.grippers[int(c[GRIPPER])]
-    if moves(q, int(own[BODY]), m):
+    own = h.grippers[c.gripper]
+    if moves(q, own.body, m):
         return False
-    for f in range(int(own[FIRST_FINGER]), int(own[END_FINGER])):
-        if moves(q, int(w.bodies[h.fingers[f, 0]]), m):
+    for f in range(own.first_finger, own.end_finger):
+        if moves(q, int(w.bodies[h.fingers[f].first]), m):
             return True
     return False
 
