@@ -26,7 +26,7 @@ from armguard.guard.workspace import (
     Workspace,
 )
 from armguard.index.octree_query import primitives_in_box
-from armguard.index.octree_state import ABSENT, INDEXED, STATUS
+from armguard.index.octree_state import ABSENT, INDEXED
 from armguard.index.octree_update import octree_insert, octree_remove
 from armguard.kernel import kernel
 
@@ -99,7 +99,7 @@ def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
 @kernel
 def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
     """Whether a primitive is present, checked, and its box within a distance."""
-    if w.octree.residency[j, STATUS] == ABSENT:
+    if w.octree.residency[j].status == ABSENT:
         return False
     if w.checked[w.groups[box], w.groups[j]] == 0:
         return False
@@ -110,7 +110,7 @@ def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
 def put_in(i: int, w: Workspace) -> None:
     """Insert a primitive into the index at its present pose."""
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
-        w.octree.residency[i, STATUS] = INDEXED
+        w.octree.residency[i].status = INDEXED
     else:
         octree_insert(i, w.world, w.octree)
 
@@ -119,6 +119,6 @@ def put_in(i: int, w: Workspace) -> None:
 def take_out(i: int, w: Workspace) -> None:
     """Remove a primitive from the index."""
     if w.settings[INDEX_KIND] == BRUTE_FORCE:
-        w.octree.residency[i, STATUS] = ABSENT
+        w.octree.residency[i].status = ABSENT
     else:
         octree_remove(i, w.world, w.octree)

@@ -79,7 +79,7 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import (
     Workspace,
 )
-from armguard.index.octree_state import ABSENT, STATUS
+from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
@@ -190,7 +190,7 @@ def score_of(
     if own[HOLDS] > 0:
         return inf
     first = int(thing[FIRST])
-    if w.octree.residency[first, STATUS] == ABSENT or own[COARSE_NOW] != 0:
+    if w.octree.residency[first].status == ABSENT or own[COARSE_NOW] != 0:
         return inf
     near, aim, fast = thing[OBJECT_NEAR], thing[AIM], thing[INTENT_SPEED]
     if o == own[INTENDED]:
