@@ -90,9 +90,7 @@ def walk(steps: int, audits: int, seed: int) -> dict[str, Any]:
         if k % every == every - 1:
             octree.check()
             header = octree.state.header
-            rooms.append(
-                (int(header[places.NODES_USED]), int(header[places.ENTRIES_USED]))
-            )
+            rooms.append((int(header[0].nodes_used), int(header[0].entries_used)))
             print(f"step {k + 1} of {steps}, {missing} pairs missing", file=sys.stderr)
     return {
         "steps": steps,
@@ -101,7 +99,7 @@ def walk(steps: int, audits: int, seed: int) -> dict[str, Any]:
         "pairs_compared": checked,
         "missing_pairs": missing,
         "same_as_fresh": picture(octree) == picture(fresh_one(octree)),
-        "refused_splits": int(octree.state.counters[places.COUNT_UNSPLIT]),
+        "refused_splits": int(octree.state.counters[0].unsplit),
         # Handed out at least once: what is taken back is used again, or these would
         # grow without end.
         "nodes_used_first_and_last": [rooms[0][0], rooms[-1][0]],
@@ -200,10 +198,10 @@ def picture(octree: Octree) -> dict[tuple[float, ...], list[int]]:
     leaves = octree.leaves()
     seen = {}
     for leaf, cell in zip(leaves, octree.cells(leaves), strict=True):
-        members, entry = [], nodes[leaf, places.LINK]
+        members, entry = [], nodes[leaf].link
         while entry != places.NONE:
-            members.append(int(entries[entry, places.PRIMITIVE]))
-            entry = entries[entry, places.NEXT_IN_LEAF]
+            members.append(int(entries[entry].primitive))
+            entry = entries[entry].next_in_leaf
         seen[tuple(cell)] = sorted(members)
     return seen
 

@@ -1,9 +1,9 @@
 """Records: rows of named fields that a kernel takes as one argument.
 
 A class decorated with `@record` declares the fields of a structured dtype: `int`,
-`float`, or an array of fixed shape, `Annotated[Floats, (2, 16)]`. Kernels read and
-write the fields by name, and a call passes the address alone. A record is a row of an
-array of records (`Records`, `records`), or a kernel makes it on its stack by
+`float`, `Short`, or an array of fixed shape, `Annotated[Floats, (2, 16)]`. Kernels read
+and write the fields by name, and a call passes the address alone. A record is a row of
+an array of records (`Records`, `records`), or a kernel makes it on its stack by
 `maker(Record)`.
 """
 
@@ -11,7 +11,16 @@ import ctypes
 from collections import deque
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
-from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints, overload
+from typing import (
+    Annotated,
+    Any,
+    Protocol,
+    TypeVar,
+    cast,
+    get_args,
+    get_type_hints,
+    overload,
+)
 
 import numba
 import numpy as np
@@ -21,6 +30,9 @@ from numba.extending import as_numba_type, intrinsic
 from numpy.typing import NDArray
 
 Record = TypeVar("Record")
+
+# An integer of 32 bits, for records of which there may be a million.
+Short = Annotated[int, np.int32]
 Row_co = TypeVar("Row_co", covariant=True)
 
 
@@ -28,6 +40,7 @@ class Records(Protocol[Row_co]):
     """An array of records."""
 
     shape: tuple[int, ...]
+    nbytes: int
 
     @overload
     def __getitem__(self, k: int) -> Row_co: ...
@@ -49,6 +62,9 @@ class Records(Protocol[Row_co]):
 
     def copy(self) -> "Records[Row_co]":
         """A copy of all rows."""
+
+    def fill(self, value: float) -> None:
+        """Set all fields of all rows to a number."""
 
 
 def records(shape: Any, declared: type) -> Any:
@@ -83,6 +99,9 @@ def dtype_of(declared: type) -> np.dtype[Any]:
     for name, hint in get_type_hints(declared, include_extras=True).items():
         if not get_args(hint):
             fields.append((name, np.dtype(hint)))
+            continue
+        if hint is Short:
+            fields.append((name, np.dtype(np.int32)))
             continue
         array, shape = get_args(hint)
         fields.append((name, np.dtype(get_args(get_args(array)[1])[0]), shape))

@@ -24,7 +24,7 @@ SCRATCH = {
     "_watch": "look row grown judged_left judged_stops judged_clock judged_settled",
     "_motion": "up down middle width spread axes node_q node_T node_axes node_way "
     "node_wide node_grow q_half q_node q_way q_wide q_grow box_axes sizes corner_T "
-    "columns lever_rows",
+    "columns lever_rows hessian",
     "_response": "twists tool_columns tool_square tool_speeds raw rows limits eased "
     "program",
     "_lead": "pull push weight columns square twist",
@@ -39,7 +39,11 @@ def spoil(guard):
     for ledger, names in SCRATCH.items():
         arrays = getattr(guard, ledger, None)
         for name in names.split() if arrays is not None else ():
-            getattr(arrays, name).fill(np.nan)
+            array = getattr(arrays, name)
+            fields = [array[field] for field in array.dtype.names or ()] or [array]
+            for field in fields:
+                if field.dtype.kind == "f":
+                    field.fill(np.nan)
 
 
 class Twins:

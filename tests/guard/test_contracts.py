@@ -288,7 +288,7 @@ def test_two_held_objects_may_touch_under_a_contract_and_not_without():
 def test_the_model_changes_with_the_distance_and_back_and_nothing_is_missed(coarse):
     loop = over_table(coarse=coarse)
     guard = loop.guard
-    grips, present = guard._grips, guard.index.state.residency[:, 1]
+    grips, present = guard._grips, guard.index.state.residency.status
     box = int(grips.grippers[0].box)
     members = [i for link in grips.members for i in range(link.first, link.end)]
     seen = set()
@@ -331,10 +331,10 @@ def test_the_model_may_be_chosen():
     guard.swap_model("arm", "detailed")
     loop.push({}, 3)
     box = int(guard._grips.grippers[0].box)
-    assert not guard.index.state.residency[box, 1]
+    assert not guard.index.state.residency[box].status
     guard.swap_model("arm", "coarse")
     loop.go({"arm/z": DOWN}, speed=0.3, longest=3000)
-    assert guard.index.state.residency[box, 1]
+    assert guard.index.state.residency[box].status
     # The box reaches as low as the fingers do, and wider: it stops no later.
     assert press(loop) >= FLOOR
     assert HAND[1] > 0.0

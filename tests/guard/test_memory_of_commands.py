@@ -26,7 +26,7 @@ from armguard.guard.watch import (
 from armguard.motion import figures as figure
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.joint_stop import JointStop
-from armguard.motion.state import CLOCK, NEXT, NOW, PLANS, STILL
+from armguard.motion.state import NEXT, NOW, PLANS, StopClock
 from armguard.record import records
 from armguard.robot.kinematics import FIXED, REVOLUTE
 from records import record
@@ -376,7 +376,9 @@ def stops(rng):
 def changed(rng):
     """A watch and a motion in which stops have changed since they were judged."""
     before, after, judged = stops(rng)
-    clock = rng.uniform(0.0, 0.1, (PLANS * JOINTS, CLOCK))
+    clock = records(PLANS * JOINTS, StopClock)
+    for name in ("age", "reaction", "passed"):
+        clock[name] = rng.uniform(0.0, 0.1, PLANS * JOINTS)
     v = record(
         judged_stops=judged,
         judged_clock=clock.copy(),
@@ -433,9 +435,9 @@ def test_a_stop_that_settles_later_may_swing_where_the_joint_rested_before():
 
 def test_what_may_turn_round_or_has_other_clocks_is_judged_anew():
     rng = np.random.default_rng(10)
-    for at, k in ((0, 0), (2, STILL), (2, CLOCK - 1)):
+    for at, name in ((0, "age"), *((2, name) for name in StopClock.__annotations__)):
         v, m, _ = changed(rng)
-        m.clock[at, k] += 1e-3
+        m.clock[name][at] += 1
         assert growth(0, v, m) == np.inf
         assert growth(1, v, m) < np.inf
     for speed in (0.0, 0.2):

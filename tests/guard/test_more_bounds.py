@@ -12,7 +12,7 @@ from armguard.guard.grips import ContractRow
 from armguard.guard.layout import NearRow
 from armguard.guard.watch import BRAKING
 from armguard.motion.figures import JointFigures, RobotFigures
-from armguard.motion.state import CLOCK, PLANS, STILL
+from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
 from records import record
@@ -164,9 +164,9 @@ def test_a_pair_closes_as_fast_as_the_worst_corner_of_its_velocities(moves):
         gains = rng.uniform(0.5, 2.0, 4)
         velocities = np.sort(rng.normal(size=(4, 2)), axis=1)
         both = moves == "both"
-        clock = np.zeros((2 * PLANS, CLOCK))
+        clock = records(2 * PLANS, StopClock)
         # The last joint is of a robot that stands still.
-        clock[1, STILL] = 1.0
+        clock[1].still = 1
         m = record(
             rate=np.zeros(2 if both else 1),
             shared=np.zeros((2, 2), dtype=np.int32),

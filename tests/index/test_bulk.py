@@ -26,16 +26,14 @@ def picture_of(state):
     stack = [0]
     while stack:
         node = stack.pop()
-        if state.nodes[node, places.COUNT] == places.DIVIDED:
-            stack += range(
-                state.nodes[node, places.LINK], state.nodes[node, places.LINK] + 8
-            )
+        if state.nodes[node].members == places.DIVIDED:
+            stack += range(state.nodes[node].link, state.nodes[node].link + 8)
             continue
-        members, entry = [], state.nodes[node, places.LINK]
+        members, entry = [], state.nodes[node].link
         while entry != places.NONE:
-            members.append(int(state.entries[entry, places.PRIMITIVE]))
-            entry = state.entries[entry, places.NEXT_IN_LEAF]
-        leaves[int(state.nodes[node, places.PLACE])] = sorted(members)
+            members.append(int(state.entries[entry].primitive))
+            entry = state.entries[entry].next_in_leaf
+        leaves[int(state.nodes[node].place)] = sorted(members)
     return leaves
 
 
@@ -52,7 +50,7 @@ def inserted_one_by_one(octree):
         entry_capacity=400_000,
     )
     insert_all(octree.present, octree.world, state)
-    assert state.counters[places.COUNT_UNSPLIT] == 0
+    assert state.counters[0].unsplit == 0
     return state
 
 
@@ -156,8 +154,8 @@ def test_what_stands_costs_less_than_three_hundred_bytes():
     # Room for what moves is not a multiple of what stands.
     nodes, entries = octree.state.nodes, octree.state.entries
     header = octree.state.header
-    assert len(nodes) - header[places.NODES_USED] < 20_000
-    assert len(entries) - header[places.ENTRIES_USED] < 20_000
+    assert len(nodes) - header[0].nodes_used < 20_000
+    assert len(entries) - header[0].entries_used < 20_000
 
 
 def test_a_thousand_moving_boxes_lose_nobody():
@@ -246,8 +244,8 @@ def test_an_insertion_without_room_builds_anew():
     octree = Octree(world, leaf_capacity=2)
     octree.remove(20)
     state = octree.state
-    octree.state = state._replace(nodes=state.nodes[: state.header[places.NODES_USED]])
-    octree.state.header[places.FREE_ENTRIES] = 0
+    octree.state = state._replace(nodes=state.nodes[: state.header[0].nodes_used])
+    octree.state.header[0].free_entries = 0
     move(rng, 20, shapes, poses, world, 0.3)
     octree.insert(20)
     octree.check()

@@ -75,7 +75,7 @@ def test_a_hundred_thousand_steps_leave_the_tree_a_fresh_one_would_be():
         fresh.low, fresh.high = octree.low, octree.high
         fresh.state = fresh._build(octree.present)
         assert picture_of(octree) == picture_of(fresh)
-        assert octree.state.counters[places.COUNT_UNSPLIT] == 0
+        assert octree.state.counters[0].unsplit == 0
 
 
 def picture_of(octree):
@@ -84,10 +84,10 @@ def picture_of(octree):
     leaves = {}
     found = octree.leaves()
     for leaf, cell in zip(found, octree.cells(found), strict=True):
-        members, entry = [], state.nodes[leaf, places.LINK]
+        members, entry = [], state.nodes[leaf].link
         while entry != places.NONE:
-            members.append(int(state.entries[entry, places.PRIMITIVE]))
-            entry = state.entries[entry, places.NEXT_IN_LEAF]
+            members.append(int(state.entries[entry].primitive))
+            entry = state.entries[entry].next_in_leaf
         leaves[tuple(cell)] = sorted(members)
     return leaves
 
@@ -109,9 +109,9 @@ def test_the_slack_is_a_promise():
         poses[i][:3, 3] += 0.999999 * room * direction / np.linalg.norm(direction)
         world.rows[i] = shape_row(shapes[i], poses[i])
         row_bounds(world.kinds[i], world.rows[i], 0.0, world.boxes[i])
-        skipped = octree.state.counters[places.COUNT_SKIPPED]
+        skipped = octree.state.counters[0].skipped
         octree.update(i)
-        assert octree.state.counters[places.COUNT_SKIPPED] == skipped + 1
+        assert octree.state.counters[0].skipped == skipped + 1
         if k % 30 == 0:
             octree.check()
         poses[i][:] = before
@@ -232,39 +232,37 @@ def corrupted():
         state.slack[0] += 0.5
 
     def lost_member(state):
-        leaf = state.entries[state.residency[0, places.FIRST_ENTRY], places.IN_LEAF]
-        state.nodes[leaf, places.LINK] = state.entries[
-            state.nodes[leaf, places.LINK], places.NEXT_IN_LEAF
-        ]
+        leaf = state.entries[state.residency[0].first_entry].leaf
+        state.nodes[leaf].link = state.entries[state.nodes[leaf].link].next_in_leaf
 
     def miscount(state):
-        leaf = state.entries[state.residency[0, places.FIRST_ENTRY], places.IN_LEAF]
-        state.nodes[leaf, places.COUNT] += 1
+        leaf = state.entries[state.residency[0].first_entry].leaf
+        state.nodes[leaf].members += 1
 
     def wrong_place(state):
-        state.nodes[3, places.PLACE] += 1
+        state.nodes[3].place += 1
 
     def unlinked_back(state):
-        entry = state.residency[0, places.FIRST_ENTRY]
-        state.entries[entry, places.PREVIOUS_OF_PRIMITIVE] = 7
+        entry = state.residency[0].first_entry
+        state.entries[entry].previous_of_primitive = 7
 
     def wrong_parent(state):
-        state.nodes[1, places.PARENT] = 4
+        state.nodes[1].parent = 4
 
     def lost_entries(state):
-        state.header[places.ENTRIES_USED] += 1
+        state.header[0].entries_used += 1
 
     def miscounted_free(state):
-        state.header[places.FREE_ENTRIES] -= 1
+        state.header[0].free_entries -= 1
 
     def lost_nodes(state):
-        state.header[places.NODES_USED] += 8
+        state.header[0].nodes_used += 8
 
     def smaller_capacity(state):
-        state.rule[places.LEAF_CAPACITY] = 2
+        state.rule[0].leaf_capacity = 2
 
     def larger_capacity(state):
-        state.rule[places.LEAF_CAPACITY] = 39
+        state.rule[0].leaf_capacity = 39
 
     return [
         (slack, "by its slack"),

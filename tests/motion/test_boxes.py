@@ -19,7 +19,7 @@ from armguard.motion.box_proof import (
 from armguard.motion.nearest import middle_position, nearest_position
 from armguard.motion.pair_state import NEEDED, PROVEN, UNSURE
 from armguard.motion.prepare import motion_of
-from armguard.motion.state import BOX_LEVELS, NEXT, NODES, TESTS, Motion
+from armguard.motion.state import BOX_LEVELS, NEXT, NODES, Motion
 from armguard.scene.compile import compile_scene
 from armguard.table import Ledger, opener
 from planar import LENGTHS, chain_scene, pair_of, place
@@ -92,7 +92,7 @@ class Boxed:
         m.node_grow[at, self.chain] = self.grow
         m.box_line[0] = 0.0, 1.0
         m.box_place[0], m.box_part[0] = 0.0, 1.0
-        m.effort[TESTS] = 0
+        m.effort[0].tests = 0
         angle = rng.uniform(-np.pi, np.pi)
         away = 2.0 * RADIUS + rng.uniform(0.05, 0.3) + 2.0 * size
         self.ball = place(self.kinds, self.q) + away * np.array(
@@ -126,7 +126,7 @@ def test_all_positions_of_a_box_are_proven_as_far_as_the_nearest_is(kinds, size)
         least = arm.distances().min()
         # What a proof may lose, and what is too much for it.
         for lack, known in ((0.2 * size**2, PROVEN), (-0.02 * size, NEEDED)):
-            arm.m.effort[TESTS] = 0
+            arm.m.effort[0].tests = 0
             proof, spare = prove(NODE, least - lack, arm.pair, arm.address)
             assert proof == known
             low, high = sorted((0.0, lack))
@@ -140,11 +140,11 @@ def test_the_smallest_box_there_is_room_for_is_not_halved():
         low, high = arm.distances().min() + np.array([-0.05, 0.01])
         for _ in range(40):
             wanted = 0.5 * (low + high)
-            arm.m.effort[TESTS] = 0
+            arm.m.effort[0].tests = 0
             proof, _ = prove(NODE, wanted, arm.pair, arm.address)
             low, high = (low, wanted) if proof == NEEDED else (wanted, high)
             if proof == UNSURE:
-                boxes.append(arm.m.effort[TESTS] // BOX_COST)
+                boxes.append(arm.m.effort[0].tests // BOX_COST)
     assert min(boxes) == BOX_LEVELS
 
 
@@ -187,11 +187,12 @@ def test_two_halves_are_the_box_and_the_nearer_one_is_looked_at_first(along, nea
     m, which = arm.m, {"first": arm.chain[0], "second": arm.chain[1]}
     m.box_line[3] = 0.2, 0.3
     m.box_place[3], m.box_part[3] = 0.1, 0.4
-    m.box_line[4] = m.box_place[4] = m.box_part[4] = 7.0
+    m.box_line[4] = 7.0, 7.0
+    m.box_place[4] = m.box_part[4] = 7.0
     halve_box(3, which.get(along, LINE), nearer, arm.address)
     for k, sign in ((3, -nearer), (4, nearer)):
         line = (0.2 + 0.15 * sign, 0.15) if along == "line" else (0.2, 0.3)
-        assert m.box_line[k] == pytest.approx(line)
+        assert m.box_line[k].tolist() == pytest.approx(line)
         for b in range(len(m.parent)):
             halved = b == which.get(along)
             assert m.box_place[k, b] == pytest.approx(0.1 + 0.2 * sign * halved)

@@ -10,19 +10,8 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.motion.joint_rows import (
-    ALONG,
-    GRADIENT,
-    GROWTH,
-    HESSIAN,
-    RANGE,
-    TO,
-    TURN,
-    WIDEN,
-    line_ends,
-    widest,
-)
-from armguard.motion.state import LEVER_ROW
+from armguard.motion.joint_rows import JointRow, SideMotion, line_ends, widest
+from armguard.record import records
 
 DRAWS = 200
 GRAIN = 1e-12
@@ -31,14 +20,17 @@ GRAIN = 1e-12
 PLACES = np.linspace(-1.0, 1.0, 21)
 
 
-@numba.njit
-def greatest(rows):
-    return widest(0, len(rows), rows)
+N = (0.0, 0.0, 1.0)
 
 
 @numba.njit
-def greatest_on_line(rows):
-    return line_ends(0.0, 0, len(rows), rows)
+def greatest(rows, hessian):
+    return widest(SideMotion(N, False, 0.0, 0, len(rows), rows, hessian))
+
+
+@numba.njit
+def greatest_on_line(rows, hessian):
+    return line_ends(0.0, SideMotion(N, True, 0.0, 0, len(rows), rows, hessian))
 
 
 def forms(joints, steep):
@@ -65,10 +57,10 @@ def value(g, h, moves):
 @pytest.mark.parametrize("joints", [1, 2, 3, 4])
 def test_no_position_in_the_ranges_exceeds_what_is_told(joints, steep):
     for rng, g, h in forms(joints, steep):
-        rows = np.zeros((joints, LEVER_ROW + joints))
+        rows = records(joints, JointRow)
         width = rng.uniform(0.1, 1.0, joints)
-        rows[:, ALONG], rows[:, RANGE], rows[:, HESSIAN:] = g, width, h
-        found = greatest(rows)
+        rows.end_gradient, rows.end_width = g, width
+        found = greatest(rows, h)
         true = value(g, h, width * shares(rng, joints)).max()
         assert true <= found + GRAIN
         doubt = np.abs(h) @ width
@@ -83,9 +75,9 @@ def test_no_position_in_the_ranges_exceeds_what_is_told(joints, steep):
 def test_what_one_joint_decides_the_other_one_is_left_with():
     undecided = 0
     for rng, g, h in forms(2, 1.0):
-        rows = np.zeros((2, LEVER_ROW + 2))
+        rows = records(2, JointRow)
         width = rng.uniform(0.1, 1.0, 2)
-        rows[:, ALONG], rows[:, RANGE], rows[:, HESSIAN:] = g, width, h
+        rows.end_gradient, rows.end_width = g, width
         if not abs(g[0]) >= np.abs(h[0]) @ width:
             continue
         move = np.sign(g[0]) * width[0]
@@ -94,7 +86,7 @@ def test_what_one_joint_decides_the_other_one_is_left_with():
             continue
         known = g[0] * move + 0.5 * h[0, 0] * move**2
         known += width[1] * (abs(left) + 0.5 * abs(h[1, 1]) * width[1])
-        assert greatest(rows) == pytest.approx(known, abs=GRAIN)
+        assert greatest(rows, h) == pytest.approx(known, abs=GRAIN)
         undecided += 1
     assert undecided > 5
 
@@ -103,15 +95,14 @@ def test_what_one_joint_decides_the_other_one_is_left_with():
 @pytest.mark.parametrize("joints", [1, 2, 3])
 def test_no_position_on_a_line_exceeds_what_is_told_of_its_ends(joints, steep):
     for rng, g, h in forms(joints, steep):
-        rows = np.zeros((joints, LEVER_ROW + joints))
+        rows = records(joints, JointRow)
         way, wide = rng.normal(size=joints), rng.uniform(0.0, 1.0, joints)
         # Wide, or growing, or neither.
         wide *= rng.integers(0, 2)
         grow = wide * rng.uniform(-1.0, 1.0, joints)
-        rows[:, GRADIENT], rows[:, HESSIAN:] = g, h
-        rows[:, TURN], rows[:, TO] = way, wide
-        rows[:, WIDEN], rows[:, GROWTH] = grow, np.abs(grow)
-        ends = greatest_on_line(rows)
+        rows.gradient, rows.half_line, rows.width = g, way, wide
+        rows.widening = grow
+        ends = greatest_on_line(rows, h)
         places = shares(rng, joints)
         for u in PLACES:
             true = value(g, h, u * way + places * (wide + u * grow)).max()

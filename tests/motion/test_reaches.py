@@ -24,9 +24,10 @@ from armguard.geometry import (
 )
 from armguard.geometry.shapes import shape_row
 from armguard.motion.gap_bound import line_ranges, most_way, side_reach
-from armguard.motion.joint_rows import GROWTH, TO, TURN, WIDEN, joint_ranges, joint_rows
+from armguard.motion.joint_rows import JointRow, SideMotion, joint_ranges, joint_rows
 from armguard.motion.prepare import motion_of
-from armguard.motion.state import LEVER_ROW, Motion
+from armguard.motion.state import Motion
+from armguard.record import records
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
 from armguard.scene.compile import compile_scene
 from armguard.table import Ledger, opener
@@ -101,7 +102,8 @@ def reach_of_ranges(kind, row, n, axes, joint_kind, middle, width, levers, rows)
     joint_rows(n, chain, 0, count, axes, 0, joint_kind, rows)
     joint_ranges(chain, 0, count, middle, width, rows)
     most = most_way(chain, 0, count, levers, np.abs(middle) + width)
-    return side_reach(kind, row, n, False, most, 0, count, rows)
+    hessian = np.zeros((count, count))
+    return side_reach(kind, row, SideMotion(n, False, most, 0, count, rows, hessian))
 
 
 @numba.njit
@@ -110,10 +112,11 @@ def reach_of_line(kind, row, n, axes, joint_kind, way, width, levers, rows):
     count = len(joint_kind)
     joint_rows(n, chain, 0, count, axes, 0, joint_kind, rows)
     for k in range(count):
-        rows[k, TURN], rows[k, TO] = way[k], width[k]
-        rows[k, WIDEN] = rows[k, GROWTH] = 0.0
+        rows[k].half_line, rows[k].width = way[k], width[k]
+        rows[k].widening = 0.0
     most = most_way(chain, 0, count, levers, np.abs(way) + width)
-    return side_reach(kind, row, n, True, most, 0, count, rows)
+    hessian = np.zeros((count, count))
+    return side_reach(kind, row, SideMotion(n, True, most, 0, count, rows, hessian))
 
 
 @numba.njit
@@ -198,7 +201,7 @@ class Carried:
 
     def rows(self):
         """Scratch."""
-        return np.zeros((self.count, LEVER_ROW + self.count))
+        return records(self.count, JointRow)
 
 
 def carried(name, kinds):
@@ -266,7 +269,7 @@ def test_a_half_space_reaches_only_against_its_own_normal(axis, off, known):
         n[axis] += sign * off
         found = reach_of_ranges(
             int(shape.kind), shape_row(shape, T), tuple(n), np.zeros((0, 6)),
-            np.zeros(0, dtype=np.int32), none, none, none, np.zeros((0, LEVER_ROW)),
+            np.zeros(0, dtype=np.int32), none, none, none, records(0, JointRow),
         )  # fmt: skip
         assert found[0] == pytest.approx(known)
 
@@ -304,16 +307,15 @@ def test_a_box_of_a_span_has_its_part_of_the_line_and_of_the_ranges(sign):
         m.box_part[box] = rng.uniform(0.1, 0.5, len(m.parent))
         m.box_line[box] = rng.uniform(-0.5, 0.5), rng.uniform(0.1, 0.5)
         write_ranges(chain, 0, at, box, ledger.lines.ctypes.data)
-        u, half = m.box_line[box]
+        u, half = m.box_line[box].tolist()
         for k, b in enumerate(chain):
             own = m.node_way[at, b], m.node_wide[at, b], m.node_grow[at, b]
             s, part = m.box_place[box, b], m.box_part[box, b]
             still = position(u, s, *own)
             row = m.lever_rows[k]
             for v, t in product((-1.0, 0.3, 1.0), repeat=2):
-                known = v * row[TURN] + t * (row[TO] + v * row[WIDEN])
+                known = v * row.half_line + t * (row.width + v * row.widening)
                 there = position(u + half * v, s + part * t, *own)
                 assert there - still == pytest.approx(known)
-            assert row[GROWTH] == abs(row[WIDEN])
-            largest = abs(row[TURN]) + row[TO] + row[GROWTH]
+            largest = abs(row.half_line) + row.width + abs(row.widening)
             assert m.sizes[b] == pytest.approx(largest)

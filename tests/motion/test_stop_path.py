@@ -14,24 +14,12 @@ from armguard.motion.joint_stop import (
 )
 from armguard.motion.prepare import motion_of
 from armguard.motion.state import (
-    AGE,
-    BRAKING,
     FREE,
-    HIGHEST,
-    HORIZON,
-    LOWEST,
     NEXT,
     NODES,
     NOW,
-    OF_STOP,
-    PASSED,
-    REACTION,
-    STAMP,
-    STILL,
-    SWINGS,
     Motion,
 )
-from armguard.motion.state import SETTLED as ALL_SETTLED
 from armguard.motion.stop_path import (
     bound_reaches,
     joint_span,
@@ -137,11 +125,12 @@ class Planned:
         middle, half = rng.uniform(-0.8, 0.8, 2), rng.uniform(0.0, 0.1, 2)
         m.v_low[:], m.v_high[:] = middle - half, middle + half
         m.driven[:] = rng.uniform(-0.2, 0.8, m.driven.shape)
-        m.clock[:] = 0.0
+        for name in m.clock.dtype.names:
+            m.clock[name] = 0
         for which in (NEXT, NOW):
-            m.clock[which, AGE] = 0.015
-            m.clock[which, REACTION] = rng.uniform(0.02, 0.06)
-            m.clock[which, PASSED] = rng.choice([0.0, 0.02])
+            m.clock[which].age = 0.015
+            m.clock[which].reaction = rng.uniform(0.02, 0.06)
+            m.clock[which].passed = rng.choice([0.0, 0.02])
 
     def known(self, which, j, side, brakes=False):
         """The plan of a joint by its figures."""
@@ -153,9 +142,9 @@ class Planned:
             f.velocity,
             m.driven[2 * which + j, side],
             f.acceleration,
-            m.clock[which, REACTION],
+            m.clock[which].reaction,
             0.0 if brakes else FIGURES["ramp"],
-            m.clock[which, PASSED],
+            m.clock[which].passed,
             f[deceleration],
             np.inf if brakes else f.deceleration_most,
             f.settle,
@@ -172,8 +161,8 @@ def test_a_plan_is_that_of_its_joints_and_the_range_that_of_both_directions(brak
     m, errors = one.m, one.m.joint_figures.position_error
     for _ in range(20):
         one.draw()
-        m.clock[:, BRAKING] = brakes
-        stamp = m.effort[STAMP]
+        m.clock.braking = brakes
+        stamp = m.effort[0].stamp
         for which in (NEXT, NOW):
             plan(which, one.address)
             rests = []
@@ -194,20 +183,20 @@ def test_a_plan_is_that_of_its_joints_and_the_range_that_of_both_directions(brak
                 assert m.spread[which, b] == pytest.approx(np.abs(ends).max())
             if which == NEXT:
                 horizon = max(rests)
-        assert m.effort[STAMP] == stamp + 1
-        assert m.span[HORIZON] == pytest.approx(horizon)
+        assert m.effort[0].stamp == stamp + 1
+        assert m.span[0].horizon == pytest.approx(horizon)
         known = horizon + FIGURES["settle_time"]
-        assert m.span[ALL_SETTLED] == pytest.approx(known)
+        assert m.span[0].settled == pytest.approx(known)
 
 
 def test_what_is_left_out_neither_moves_nor_errs():
     one = Planned()
     one.draw()
-    one.m.clock[:, STILL] = 1.0
+    one.m.clock.still = 1
     plan(NEXT, one.address)
     assert not one.m.spread[NEXT].any()
     assert not one.m.width[NEXT].any()
-    assert one.m.span[HORIZON] == one.m.span[ALL_SETTLED] == 0.0
+    assert one.m.span[0].horizon == one.m.span[0].settled == 0.0
     reaches(NEXT, one.tables.bodies, one.address)
     assert not one.m.rate.any()
     free(3, one.address)
@@ -219,30 +208,30 @@ def test_a_stop_under_way_swings_as_is_remembered_though_it_rests(speed):
     one = Planned()
     one.draw()
     m = one.m
-    m.clock[:, SWINGS] = 1.0
+    m.clock.swings = 1
     # One may get to the other side of its rest, the other not as far.
     m.q[:] = 0.5, -0.2
-    m.swings[:, OF_STOP] = 0.1, 0.3
-    m.swings[:, LOWEST] = 0.2, -0.65
-    m.swings[:, HIGHEST] = 0.55, -0.3
+    m.swings.swing = 0.1, 0.3
+    m.swings.lowest = 0.2, -0.65
+    m.swings.highest = 0.55, -0.3
     bounces = [(0.05, 0.2), (0.0, 0.45)]
     # It came to rest a while ago, by an old measurement.
     m.v_low[:] = m.v_high[:] = speed
     m.driven[:] = 0.0
     m.joint_figures.acceleration = 1e-12
-    m.clock[:, AGE] = 0.5
+    m.clock.age = 0.5
     plan(NEXT, one.address)
     for j in range(2):
         for side, stop in enumerate((m.up[j], m.down[j])):
             # What moves away still does not swing on in this direction.
             goes_back = speed > 0.0 and side == 1
             assert (stop.opposite_speed > 0.0) == goes_back
-            assert stop.swing == (0.0 if goes_back else m.swings[j, OF_STOP])
+            assert stop.swing == (0.0 if goes_back else m.swings[j].swing)
             assert stop.swing_back == pytest.approx(bounces[j][side])
             rest = max(m.up[j].rest_time, m.down[j].rest_time, 0.0)
             assert stop.settled == pytest.approx(rest + FIGURES["settle_time"])
-    assert m.span[HORIZON] == 0.0
-    assert m.span[ALL_SETTLED] == pytest.approx(FIGURES["settle_time"])
+    assert m.span[0].horizon == 0.0
+    assert m.span[0].settled == pytest.approx(FIGURES["settle_time"])
 
 
 def bow_of(one, which, j, side, start):
@@ -254,7 +243,7 @@ def bow_of(one, which, j, side, start):
     )  # fmt: skip
     if speed < 0.0 and stop.travel == 0.0:
         return max(a, most)
-    return least if start >= one.m.clock[which, REACTION] else max(a, least)
+    return least if start >= one.m.clock[which].reaction else max(a, least)
 
 
 def test_a_span_is_the_chord_of_both_curves_and_their_bow():
@@ -266,7 +255,7 @@ def test_a_span_is_the_chord_of_both_curves_and_their_bow():
         for j, number in product(range(2), (1, 2, 3, 5, 9, 15)):
             first = 1 << (number.bit_length() - 1)
             share = (np.array([number, number + 1]) - first) / first
-            start, end = m.span[HORIZON] * share
+            start, end = m.span[0].horizon * share
             found = span(NEXT, j, start, end, one.address)
             middle, half, wide_0, wide_1 = found
             times = 0.015 + np.linspace(start, end, 33)
@@ -365,7 +354,7 @@ def test_until_a_time_a_joint_gets_as_far_as_it_can_speed_up():
         one.draw()
         # One is faster than it should be.
         m.v_high[0] = 1.7 if k % 3 == 0 else m.v_high[0]
-        m.effort[STAMP] += 1
+        m.effort[0].stamp += 1
         free(k, one.address)
         times = np.linspace(0.0, FIRST_TIME * RATIO**k, 20_001)
         for j, b in enumerate(one.bodies):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from armguard.geometry import Box, Capsule, Cylinder, Hull, PlacedShape, Pose, Sphere
-from armguard.prove.box_bound import GAP, LOWER, UPPER
 from armguard.prove.pair_tables import SideShapes, pair_tables
 from armguard.robot.kinematics import kinematic_table
 from armguard.robot.model import Joint, JointKind, Link, Mimic, RobotModel
@@ -66,13 +65,13 @@ def test_no_configuration_in_a_box_breaks_its_bounds(seed):
         centres = rng.uniform(-1.0, 1.0, (20, 5))
         halves = width * rng.random((20, 5))
         bounds = tables.bounds(centres, halves, full=True)
-        assert (bounds[:, LOWER] <= bounds[:, GAP]).all()
+        assert (bounds["lower"] <= bounds["exact_distance"]).all()
         for centre, half, found in zip(centres, halves, bounds, strict=True):
             q = centre + half * rng.uniform(-1.0, 1.0, (100, 5))
             q[::2] = centre + half * rng.choice([-1.0, 1.0], (50, 5))
-            gaps = tables.bounds(q, np.zeros_like(q), full=True)[:, GAP]
-            assert (gaps >= found[LOWER] - 1e-9).all()
-            assert (gaps <= found[UPPER] + 1e-9).all()
+            gaps = tables.bounds(q, np.zeros_like(q), full=True)["exact_distance"]
+            assert (gaps >= found["lower"] - 1e-9).all()
+            assert (gaps <= found["upper"] + 1e-9).all()
 
 
 def test_the_bound_closes_in_by_the_square_of_the_width():
@@ -85,5 +84,5 @@ def test_the_bound_closes_in_by_the_square_of_the_width():
     tables = pair_tables(model, kinematic_table(model), *sides)
     centre = np.zeros((1, 5))
     near = tables.bounds(centre, np.full((1, 5), 1e-9), full=True)[0]
-    assert near[GAP] > 0.01
-    assert abs(near[LOWER] - near[GAP]) < 1e-7
+    assert near["exact_distance"] > 0.01
+    assert abs(near["lower"] - near["exact_distance"]) < 1e-7

@@ -17,7 +17,7 @@ from armguard.guard.relief import SINK, is_driven_nearer, relief_of
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING
 from armguard.guard.workspace import open_workspace
 from armguard.motion.pair_state import PROVEN, UNPROVEN
-from armguard.motion.state import NEXT, SEGMENT
+from armguard.motion.state import NEXT
 from armguard.respond import Action, Blocked, Changed, Guard
 from armguard.respond.leaving import lead_away
 from armguard.respond.state import ASKS, open_response
@@ -130,14 +130,14 @@ def test_a_pair_that_may_touch_already_needs_no_distance_below_zero():
 
 
 def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
-    for commanded, segment in ((1.0, 0.0), (0.0, 0.0), (1.0, 1.0)):
+    for commanded, segment in ((1.0, 0), (0.0, 0), (1.0, 1)):
         guard, lines = looked_at({})
         leaving(guard)
         guard._watch.relief[0] = 0.1
         guard._watch.given.commanded = commanded
-        guard._motion.span[SEGMENT] = segment
+        guard._motion.span[0].segment = segment
         relieved = relief_at(-0.02, FLOOR, lines) > 0.0
-        assert relieved == (commanded != 0.0 and segment == 0.0)
+        assert relieved == (commanded != 0.0 and segment == 0)
 
 
 @pytest.mark.parametrize(("speed", "surely"), [(0.97, False), (1.03, True)])

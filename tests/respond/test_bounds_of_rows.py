@@ -13,7 +13,6 @@ from armguard.geometry import Pose
 from armguard.guard import Reason
 from armguard.guard.pair_row import pair_row
 from armguard.guard.workspace import open_workspace
-from armguard.motion.state import BUDGET
 from armguard.record import records
 from armguard.respond import Guard
 from armguard.respond.constraints import part_of
@@ -90,7 +89,7 @@ def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new
     loop.go({"arm/z": 0.0}, speed=0.1, longest=4000)
     loop.push({"arm/x": 0.1}, 200)
     # Each pair takes one test for what is under way, and one for what is new.
-    guard._motion.effort[BUDGET] = budget
+    guard._motion.effort[0].budget = budget
     wish = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
     command = guard.filter(loop.q, wish, loop.t, velocity=loop.v)
     if budget == 0:

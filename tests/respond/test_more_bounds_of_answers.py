@@ -15,7 +15,7 @@ from armguard.guard.watch import RESTING, RUNNING, Given, LastCycle, Timing
 from armguard.guard.workspace import Settings, open_workspace
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.pair_state import new_pair
-from armguard.motion.state import CLOCK, NEXT, PLANS
+from armguard.motion.state import NEXT, PLANS, StopClock
 from armguard.record import records
 from armguard.respond import Action, Blocked, Guard
 from armguard.respond import state as places
@@ -80,7 +80,7 @@ def framed(commanded, requested, share=1.0, scales=1, acceleration=20.0):
         joint_figures=joint_figures,
         robot_figures=robot_figures,
         robot_of_joint=np.zeros(JOINTS, dtype=np.int32),
-        clock=np.zeros((PLANS, CLOCK)),
+        clock=records(PLANS, StopClock),
     )
     frame(a, w, v, m)
     return a

@@ -18,7 +18,7 @@ from armguard.guard.watch import (
     Timing,
 )
 from armguard.motion.figures import JointFigures, RobotFigures
-from armguard.motion.state import CLOCK, PLANS, REACTION
+from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
 from armguard.respond import constraints, field, joint_bounds, leading, program
 from armguard.respond import state as places
@@ -81,8 +81,8 @@ def motion(rng):
     robot_figures = records(1, RobotFigures)
     robot_figures[0].joint_count = JOINTS
     robot_figures[0].ramp = RAMP
-    clock = np.zeros((PLANS, CLOCK))
-    clock[0, REACTION] = DELAY
+    clock = records(PLANS, StopClock)
+    clock[0].reaction = DELAY
     return record(
         q=rng.uniform(-1.2, 1.2, JOINTS),
         joint_figures=joint_figures,

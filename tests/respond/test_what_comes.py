@@ -6,7 +6,7 @@ import pytest
 
 from armguard.guard.watch import Given
 from armguard.guard.workspace import Settings
-from armguard.index.octree_state import ABSENT, RESIDENCY_WIDTH, STATUS
+from armguard.index.octree_state import ABSENT, INDEXED, Residency
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
 from armguard.respond.escape_state import (
@@ -45,8 +45,9 @@ def found(centre, velocity, half=0.05, present=True):
     """Whether an object comes, and when it has passed [s]."""
     boxes = BOXES.copy()
     boxes[3] = np.concatenate([np.array(centre) - half, np.array(centre) + half])
-    residency = np.full((4, RESIDENCY_WIDTH), ABSENT + 1, dtype=np.int32)
-    residency[3, STATUS] = ABSENT + 1 if present else ABSENT
+    residency = records(4, Residency)
+    residency.status = INDEXED
+    residency[3].status = INDEXED if present else ABSENT
     settings, given = records(1, Behaviour), records(1, Given)[0]
     settings[0].evade_time, given.now = TIME, 5.0
     loop_settings = records(1, Settings)

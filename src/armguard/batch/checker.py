@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,12 +15,13 @@ from armguard.batch.near import Listing, list_near, measure_pairs
 from armguard.batch.plan import place_object, plan_of, remove_object
 from armguard.batch.pose import MOTIONS, NEAR, ROWS, SPANS, Place
 from armguard.batch.prove import WAITING, WHOLE, Walk, prove_motions
-from armguard.batch.search import ROOM, SETTINGS, Scratch
+from armguard.batch.search import ROOM, Scratch, SearchSettings
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose, transform_of
 from armguard.geometry.shapes import ROW_WIDTH, Shape
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import check_cache
+from armguard.record import records
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import object_named
@@ -223,7 +224,7 @@ class Checker:
         Raises:
             SceneError: `q` is no array of numbers of that shape.
         """
-        return np.asarray(self._found(q, 0.0, 1.0, inf)[:, 0] >= 0.0)
+        return np.asarray(self._found(q, 0.0, 1, inf)[:, 0] >= 0.0)
 
     def distances(self, q: ArrayLike, margin: float = inf) -> NearestPairs:
         """The least signed distance of the checked pairs, in each configuration.
@@ -237,7 +238,7 @@ class Checker:
         Raises:
             SceneError: `q` is no array of numbers of that shape, or `margin` is NaN.
         """
-        found = self._found(q, margin, 0.0, 0.0)
+        found = self._found(q, margin, 0, 0.0)
         pair = found[:, 1:].astype(np.intp)
         distance = np.where((pair[:, 0] < 0) & ~np.isnan(found[:, 0]), inf, found[:, 0])
         return NearestPairs(distance, pair[:, 0], pair[:, 1])
@@ -264,7 +265,7 @@ class Checker:
             True
         """
         rows = self._rows(q, "q")
-        settings = self._settings(margin, 0.0, 0.0)
+        settings = self._settings(margin, 0, 0.0)
         parts: dict[int, tuple[Floats, ...]] = {}
 
         def answer(part: slice) -> None:
@@ -306,7 +307,7 @@ class Checker:
         listing = self._listing(len(rows))
         listing.arrays[1][:] = given
         room = self._room()
-        room.scratch.arrays[0][:] = self._settings(inf, 0.0, 0.0)
+        room.scratch.arrays[0][:] = self._settings(inf, 0, 0.0)
         measure_pairs(
             rows,
             self._plan.lines,
@@ -359,7 +360,7 @@ class Checker:
         open_ends = (reached >= 0) & (reached < WHOLE)
         last = share[open_ends, None]
         places = start[open_ends] + last * (end[open_ends] - start[open_ends])
-        pair[open_ends] = self._found(places, inf, 1.0, 0.0)[:, 1:]
+        pair[open_ends] = self._found(places, inf, 1, 0.0)[:, 1:]
         return ProvenMotions(reached == WHOLE, share, pair[:, 0], pair[:, 1])
 
     def _rows(self, given: ArrayLike, name: str) -> Floats:
@@ -378,7 +379,7 @@ class Checker:
             raise SceneError(f"{name} holds {rows.dtype}; it must hold numbers")
         return np.ascontiguousarray(rows, dtype=np.float64)
 
-    def _found(self, q: ArrayLike, margin: float, strict: float, drop: float) -> Floats:
+    def _found(self, q: ArrayLike, margin: float, strict: int, drop: float) -> Floats:
         """Distance and pair of each row, shape (rows, 3); see `check_rows`."""
         rows = self._rows(q, "q")
         settings = self._settings(margin, strict, drop)
@@ -390,7 +391,7 @@ class Checker:
         )
         return found
 
-    def _settings(self, margin: float, strict: float, drop: float) -> Floats:
+    def _settings(self, margin: float, strict: int, drop: float) -> Any:
         """`Scratch.settings` of a call.
 
         Raises:
@@ -398,7 +399,9 @@ class Checker:
         """
         if not margin > -inf:
             raise SceneError(f"margin is {margin} m; it must be a number")
-        return np.array([margin, strict, drop, self._limit])
+        settings = records(1, SearchSettings)
+        settings[0] = margin, strict, drop, self._limit
+        return settings
 
     def _listing(self, count: int) -> Ledger:
         """Room for pairs."""
@@ -411,7 +414,7 @@ class Checker:
             )
         )
 
-    def _list(self, rows: Floats, settings: Floats) -> tuple[Floats, ...]:
+    def _list(self, rows: Floats, settings: Any) -> tuple[Floats, ...]:
         """Near pairs of some rows: arrays of a `Listing`, without its total."""
         place, found, at = self._place(NEAR), [], 0
         room, pairs = FIRST_ROOM, FIRST_ROOM // WIDTH
@@ -442,7 +445,7 @@ class Checker:
         with ThreadPoolExecutor(self._threads) as pool:
             list(pool.map(answer, parts))
 
-    def _check(self, rows: Floats, settings: Floats, found: Floats) -> None:
+    def _check(self, rows: Floats, settings: Any, found: Floats) -> None:
         """Answer for some rows; see `check_rows`."""
         room = self._room()
         room.scratch.arrays[0][:] = settings
@@ -489,7 +492,7 @@ class Checker:
         """Room beside the places, for so many pairs of each of eight spans or rows."""
         return Ledger(
             Scratch(
-                settings=np.zeros(SETTINGS),
+                settings=records(1, SearchSettings),
                 block=np.zeros(WIDTH * LONGEST * len(self.q_names) + WIDTH),
                 sides=np.zeros(3 * WIDTH),
                 kept=np.zeros(WIDTH, dtype=np.int64),

@@ -10,7 +10,7 @@ from armguard.batch.check import take_block, take_rows
 from armguard.batch.lanes import WIDTH
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, place, spread
-from armguard.batch.search import MARGIN, Scratch, gap_in_lane, search
+from armguard.batch.search import Scratch, gap_in_lane, search
 from armguard.geometry.vec3 import Vec3, cross, dot, sub
 from armguard.geometry.witness import WITNESS_WIDTH, turn_witness
 from armguard.kernel import kernel
@@ -128,7 +128,7 @@ def list_row(
         found.pairs[at, 0] = row
         found.pairs[at, 1], found.pairs[at, 2] = min(i, j), max(i, j)
         write_pair(at, lane, p, s, w, found)
-        if unjudged or found.witness[at, 0] < s.settings[MARGIN]:
+        if unjudged or found.witness[at, 0] < s.settings[0].margin:
             found.total[0] = at + 1
     return True
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from armguard.batch.check import open_place, open_plan, open_scratch
 from armguard.batch.lanes import WIDTH
 from armguard.batch.pose import Place, move_bodies, spread, widen
-from armguard.batch.search import LIMIT, Scratch, search
+from armguard.batch.search import Scratch, search
 from armguard.kernel import kernel
 from armguard.table import LongMatrix, LongVector, opener, table
 
@@ -104,7 +104,7 @@ def begin_motion(
     good, turn = True, 0.0
     for k in range(starts.shape[1]):
         a, b = starts[motion, k], ends[motion, k]
-        good = good and abs(a) <= s.settings[LIMIT] and abs(b) <= s.settings[LIMIT]
+        good = good and abs(a) <= s.settings[0].limit and abs(b) <= s.settings[0].limit
         turn += abs(b - a)
     t.reached[motion] = WHOLE if good else -1
     if not good:

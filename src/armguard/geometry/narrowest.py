@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.core_support import core_support
+from armguard.geometry.polytope import Face, normal_of
 from armguard.geometry.vec3 import (
     Vec3,
     add,
@@ -22,6 +23,7 @@ from armguard.geometry.vec3 import (
     sub,
 )
 from armguard.kernel import kernel
+from armguard.record import Records
 
 Row = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -29,9 +31,6 @@ Matrix = NDArray[np.float64]
 # Faces a descent starts from, at most, and how far apart they are (cosine) [-].
 STARTS = 128
 DISTINCT = 0.9995
-
-# The place of a face that says whether it is done with.
-DONE = 7
 
 # Newton steps of a descent, halvings of one of them [-].
 STEPS = 16
@@ -55,7 +54,7 @@ def narrowest(
     a: Row,
     kind_b: int,
     b: Row,
-    faces: Matrix,
+    faces: Records[Face],
     face_count: int,
     width: float,
     normal: Vec3,
@@ -70,7 +69,7 @@ def narrowest(
         a: Its row.
         kind_b: ShapeKind of B.
         b: Its row.
-        faces: Faces of the polytope, see `penetration`; their last place is written.
+        faces: Faces of the polytope; their marks are written.
         face_count: How many there are.
         width: Least width so far [m].
         normal: Its direction.
@@ -80,19 +79,19 @@ def narrowest(
     """
     width, normal = descend(kind_a, a, kind_b, b, width, normal)
     for k in range(face_count):
-        faces[k, DONE] = 0.0
+        faces[k].mark = 0
     for _ in range(STARTS):
         face, least = -1, width
         for k in range(face_count):
-            if faces[k, 6] < least and faces[k, DONE] == 0.0:
-                face, least = k, faces[k, 6]
+            if faces[k].distance < least and faces[k].mark == 0:
+                face, least = k, faces[k].distance
         if face < 0:
             break
-        n = (faces[face, 3], faces[face, 4], faces[face, 5])
+        n = normal_of(faces[face])
         for k in range(face_count):
-            if dot(n, (faces[k, 3], faces[k, 4], faces[k, 5])) > DISTINCT:
-                faces[k, DONE] = 1.0
-        faces[face, DONE] = 1.0
+            if dot(n, normal_of(faces[k])) > DISTINCT:
+                faces[k].mark = 1
+        faces[face].mark = 1
         w, _p = difference(kind_a, a, kind_b, b, n)
         found, turned = descend(kind_a, a, kind_b, b, dot(w, n), n)
         if found < width:

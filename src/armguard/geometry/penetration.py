@@ -17,13 +17,14 @@ from armguard.geometry.box_separation import axis_of
 from armguard.geometry.gjk import TOUCHING
 from armguard.geometry.narrowest import descend, difference, narrowest
 from armguard.geometry.polytope import (
-    FACE,
     FLAT,
+    Face,
     add_corner,
     face_that_sees,
     first_faces,
     nearest_face,
     nearest_point,
+    normal_of,
     put_corner,
 )
 from armguard.geometry.vec3 import (
@@ -38,6 +39,7 @@ from armguard.geometry.vec3 import (
     sub,
 )
 from armguard.kernel import kernel
+from armguard.record import records
 
 Row = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -49,9 +51,12 @@ WHOLE = 80
 MOST_FACES = 2 * MOST_CORNERS + 8
 MOST_EDGES = 3 * MOST_FACES
 
+# Kind of an array of faces.
+FACES = records(0, Face).dtype
+
 # Numbers these take: what `stack` is asked for has to be a constant [-].
 CORNER_ROOM = 3 * MOST_CORNERS
-FACE_ROOM = FACE * MOST_FACES
+FACE_ROOM = FACES.itemsize // 8 * MOST_FACES
 EDGE_ROOM = 2 * MOST_EDGES
 
 # Lower and upper bound may differ by this share of the largest number met [-].
@@ -94,8 +99,8 @@ def core_depth(
         van den Bergen, 2001, Proximity queries and penetration depth computation.
     """
     corners = numba.carray(stack(CORNER_ROOM), (MOST_CORNERS, 3), np.float64)
-    faces = numba.carray(stack(FACE_ROOM), (MOST_FACES, FACE), np.float64)
-    edges = numba.carray(stack(EDGE_ROOM), (MOST_EDGES, 2), np.float64)
+    faces = numba.carray(stack(FACE_ROOM), (MOST_FACES,), FACES)
+    edges = numba.carray(stack(EDGE_ROOM), (MOST_EDGES, 2), np.int64)
     for k in range(count):
         put_corner(corners, k, (simplex[k, 0], simplex[k, 1], simplex[k, 2]))
     used, flat_normal = spread_out(kind_a, a, kind_b, b, corners, count, largest)
@@ -110,7 +115,7 @@ def core_depth(
     while True:
         if used >= WHOLE and whole:
             whole = False
-            if faces[nearest_face(faces, face_count, normal, -2.0), 6] >= 0.0:
+            if faces[nearest_face(faces, face_count, normal, -2.0)].distance >= 0.0:
                 best, normal = narrowest(
                     kind_a, a, kind_b, b, faces, face_count, best, normal
                 )
@@ -118,8 +123,7 @@ def core_depth(
         if face < 0:
             # Nothing left to look at there.
             break
-        lower = faces[face, 6]
-        n = (faces[face, 3], faces[face, 4], faces[face, 5])
+        lower, n = faces[face].distance, normal_of(faces[face])
         if lower < -OUTSIDE * largest:
             # The origin is outside: what is nearest may be an edge or a corner. Every
             # other time the face is asked all the same: it never fails to be moved.

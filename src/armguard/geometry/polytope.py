@@ -1,8 +1,10 @@
-"""A convex polytope that grows a corner at a time, in scratch matrices.
+"""A convex polytope that grows a corner at a time, in scratch arrays.
 
 Corners are rows of three numbers. Its surface is always closed: a corner is added as a
 whole, or not at all.
 """
+
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +12,17 @@ from numpy.typing import NDArray
 from armguard.geometry.simplex import on_triangle
 from armguard.geometry.vec3 import Vec3, along, cross, dot, norm, scaled, sub
 from armguard.kernel import kernel
+from armguard.record import Records, record
 
 Matrix = NDArray[np.float64]
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
 
-# A face: its corners 0-2, unit normal outwards 3-5, distance of its plane 6, and
-# whether it sees the new corner.
-FACE = 8
-SEES = 7
+# Marks of faces: the new corner is beneath the plane; above it; above it, and the face
+# joins the patch that is replaced.
+HIDDEN = 0
+SEES = 1
+IN_PATCH = 2
 
 # Tolerances tried until the faces that see a corner are one patch [-].
 ATTEMPTS = 8
@@ -25,8 +31,25 @@ ATTEMPTS = 8
 FLAT = 1e-12
 
 
+@record
+class Face:
+    """A face of the polytope.
+
+    Attributes:
+        corners: Its corners, shape (3,).
+        normal: Its unit normal outwards, shape (3,) [-].
+        distance: Distance of its plane from the origin [m].
+        mark: Scratch: see HIDDEN; in `narrowest`, 1 if it need not be tested any more.
+    """
+
+    corners: Annotated[Longs, (3,)]
+    normal: Annotated[Floats, (3,)]
+    distance: float
+    mark: int
+
+
 @kernel
-def first_faces(corners: Matrix, faces: Matrix) -> int:
+def first_faces(corners: Matrix, faces: Records[Face]) -> int:
     """The four faces of the first tetrahedron."""
     p = corner_at(corners, 0)
     u, v, w = (
@@ -46,20 +69,29 @@ def first_faces(corners: Matrix, faces: Matrix) -> int:
 
 
 @kernel(inline=False)
-def write_face(corners: Matrix, faces: Matrix, at: int, i: int, j: int, k: int) -> None:
+def write_face(
+    corners: Matrix, faces: Records[Face], at: int, i: int, j: int, k: int
+) -> None:
     """Write a face whose corners go round counter-clockwise as seen from outside."""
     p, q, r = corner_at(corners, i), corner_at(corners, j), corner_at(corners, k)
     n = cross(sub(q, p), sub(r, p))
     length = norm(n)
-    faces[at, 0], faces[at, 1], faces[at, 2] = i, j, k
+    face = faces[at]
+    face.corners[0], face.corners[1], face.corners[2] = i, j, k
     if length > 0.0:
         n = scaled(1.0 / length, n)
         distance = min(dot(n, p), dot(n, q), dot(n, r))
     else:
         # A face without area bounds nothing.
         distance = np.inf
-    faces[at, 3], faces[at, 4], faces[at, 5] = n
-    faces[at, 6] = distance
+    face.normal[0], face.normal[1], face.normal[2] = n
+    face.distance = distance
+
+
+@kernel
+def normal_of(face: Face) -> Vec3:
+    """Unit normal of a face, outwards."""
+    return (face.normal[0], face.normal[1], face.normal[2])
 
 
 @kernel
@@ -75,7 +107,7 @@ def corner_at(corners: Matrix, k: int) -> Vec3:
 
 
 @kernel
-def nearest_face(faces: Matrix, count: int, about: Vec3, cosine: float) -> int:
+def nearest_face(faces: Records[Face], count: int, about: Vec3, cosine: float) -> int:
     """The face whose plane is nearest, the first of several; -1 if there is none.
 
     Args:
@@ -86,26 +118,23 @@ def nearest_face(faces: Matrix, count: int, about: Vec3, cosine: float) -> int:
     """
     nearest, least = -1, np.inf
     for k in range(count):
-        if faces[k, 6] < least:
-            n = (faces[k, 3], faces[k, 4], faces[k, 5])
-            if dot(n, about) > cosine:
-                least = faces[k, 6]
-                nearest = k
+        if faces[k].distance < least and dot(normal_of(faces[k]), about) > cosine:
+            nearest, least = k, faces[k].distance
     return nearest
 
 
 @kernel
-def nearest_point(corners: Matrix, faces: Matrix, count: int) -> Vec3:
+def nearest_point(corners: Matrix, faces: Records[Face], count: int) -> Vec3:
     """The point of the polytope's surface nearest to the origin."""
     best = np.inf
     nearest = (0.0, 0.0, 0.0)
     for f in range(count):
-        if faces[f, 6] < 0.0:
-            i, j, k = int(faces[f, 0]), int(faces[f, 1]), int(faces[f, 2])
+        if faces[f].distance < 0.0:
+            own = faces[f].corners
             p, q, r = (
-                corner_at(corners, i),
-                corner_at(corners, j),
-                corner_at(corners, k),
+                corner_at(corners, own[0]),
+                corner_at(corners, own[1]),
+                corner_at(corners, own[2]),
             )
             s, t, u, _v = on_triangle(p, q, r)
             v = along(along(scaled(s, p), t, q), u, r)
@@ -115,11 +144,11 @@ def nearest_point(corners: Matrix, faces: Matrix, count: int) -> Vec3:
 
 
 @kernel
-def face_that_sees(faces: Matrix, count: int, w: Vec3) -> int:
+def face_that_sees(faces: Records[Face], count: int, w: Vec3) -> int:
     """The face over whose plane a corner stands out most."""
     best, most = 0, -np.inf
     for f in range(count):
-        height = dot((faces[f, 3], faces[f, 4], faces[f, 5]), w) - faces[f, 6]
+        height = dot(normal_of(faces[f]), w) - faces[f].distance
         if height > most:
             best, most = f, height
     return best
@@ -129,10 +158,10 @@ def face_that_sees(faces: Matrix, count: int, w: Vec3) -> int:
 def add_corner(
     corners: Matrix,
     new: int,
-    faces: Matrix,
+    faces: Records[Face],
     face_count: int,
     seed: int,
-    edges: Matrix,
+    edges: Longs,
     largest: float,
 ) -> int:
     """Replace the faces that see a new corner by faces that meet in it.
@@ -166,64 +195,65 @@ def add_corner(
     face = 0
     left = face_count
     while face < left:
-        if faces[face, SEES] != 2.0:
+        if faces[face].mark != IN_PATCH:
             face += 1
             continue
         left -= 1
-        for k in range(FACE):
-            faces[face, k] = faces[left, k]
+        faces[face] = faces[left]
     if left + edge_count > faces.shape[0]:
         return -1
     for e in range(edge_count):
-        write_face(corners, faces, left, int(edges[e, 0]), int(edges[e, 1]), new)
+        write_face(corners, faces, left, edges[e, 0], edges[e, 1], new)
         left += 1
     return int(left)
 
 
 @kernel
-def mark_patch(faces: Matrix, count: int, seed: int, w: Vec3, tolerance: float) -> None:
-    """Mark with 2 the faces that see w and join the seed edge by edge."""
+def mark_patch(
+    faces: Records[Face], count: int, seed: int, w: Vec3, tolerance: float
+) -> None:
+    """Mark with IN_PATCH the faces that see w and join the seed edge by edge."""
     for f in range(count):
-        n = (faces[f, 3], faces[f, 4], faces[f, 5])
-        faces[f, SEES] = 1.0 if dot(n, w) - faces[f, 6] > tolerance else 0.0
-    faces[seed, SEES] = 2.0
+        height = dot(normal_of(faces[f]), w) - faces[f].distance
+        faces[f].mark = SEES if height > tolerance else HIDDEN
+    faces[seed].mark = IN_PATCH
     grows = True
     while grows:
         grows = False
         for f in range(count):
-            if faces[f, SEES] != 1.0:
+            if faces[f].mark != SEES:
                 continue
             for g in range(count):
-                if faces[g, SEES] == 2.0 and share_edge(faces, f, g):
-                    faces[f, SEES] = 2.0
+                if faces[g].mark == IN_PATCH and share_edge(faces[f], faces[g]):
+                    faces[f].mark = IN_PATCH
                     grows = True
                     break
 
 
 @kernel
-def share_edge(faces: Matrix, f: int, g: int) -> bool:
+def share_edge(a: Face, b: Face) -> bool:
     """Whether two faces have two corners in common."""
     common = 0
     for i in range(3):
         for j in range(3):
-            common += faces[f, i] == faces[g, j]
+            common += a.corners[i] == b.corners[j]
     return bool(common >= 2)
 
 
 @kernel
-def border(faces: Matrix, count: int, edges: Matrix) -> int:
+def border(faces: Records[Face], count: int, edges: Longs) -> int:
     """Write the border of the marked patch, as edges that go round it."""
     edge_count = 0
     for f in range(count):
-        if faces[f, SEES] == 2.0:
+        if faces[f].mark == IN_PATCH:
             for k in range(3):
-                i, j = faces[f, k], faces[f, (k + 1) % 3]
-                edge_count = toggle_edge(edges, edge_count, i, j)
+                own = faces[f].corners
+                edge_count = toggle_edge(edges, edge_count, own[k], own[(k + 1) % 3])
     return int(edge_count)
 
 
 @kernel
-def is_loop(edges: Matrix, count: int) -> bool:
+def is_loop(edges: Longs, count: int) -> bool:
     """Whether edges make one closed walk that meets no corner twice."""
     at = edges[0, 1]
     for _ in range(count - 1):
@@ -240,7 +270,7 @@ def is_loop(edges: Matrix, count: int) -> bool:
 
 
 @kernel
-def toggle_edge(edges: Matrix, count: int, i: float, j: float) -> int:
+def toggle_edge(edges: Longs, count: int, i: int, j: int) -> int:
     """Note an edge of a removed face; one that two of them share is gone."""
     for e in range(count):
         if edges[e, 0] == j and edges[e, 1] == i:

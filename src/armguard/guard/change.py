@@ -23,11 +23,9 @@ from armguard.kernel import kernel
 from armguard.motion.joint_stop import rest_way, whole_way
 from armguard.motion.pair_state import PROVEN
 from armguard.motion.state import (
-    CLOCK,
-    LOOKED,
     PLANS,
-    SETTLED,
     Motion,
+    StopClock,
 )
 from armguard.robot.kinematics import FIXED as NO_JOINT
 
@@ -56,9 +54,8 @@ def begin_notes(v: Watch, m: Motion) -> None:
             judged.travel, judged.opposite_speed = whole_way(stop), stop.opposite_speed
             judged.settled, judged.rest_travel = stop.settled, rest_way(stop)
     for at in range(v.judged_clock.shape[0]):
-        for k in range(CLOCK):
-            v.judged_clock[at, k] = m.clock[at, k]
-    v.judged_settled[0] = m.span[SETTLED]
+        v.judged_clock[at] = m.clock[at]
+    v.judged_settled[0] = m.span[0].settled
 
 
 @kernel
@@ -71,7 +68,7 @@ def note_pair(i: int, j: int, row: int, near: NearRow, w: Workspace, v: Watch) -
         v.judged_count[0] = TOO_MANY
         return
     m = w.motion
-    plain = near.proof == PROVEN and m.effort[LOOKED] == 0
+    plain = near.proof == PROVEN and m.effort[0].beyond_primitives == 0
     v.judged_pairs[k, 0], v.judged_pairs[k, 1], v.judged_pairs[k, 2] = i, j, row
     v.judged_left[k] = near.headroom if plain else -inf
     v.judged_count[0] = k + 1
@@ -134,11 +131,9 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
     n, robots = m.q.shape[0], m.robot_figures.shape[0]
     growth = 0.0
     for plan in range(PLANS):
-        clock = m.clock[plan * robots + m.robot_of_joint[j]]
-        before = v.judged_clock[plan * robots + m.robot_of_joint[j]]
-        for k in range(CLOCK):
-            if clock[k] != before[k]:
-                return inf
+        at = plan * robots + m.robot_of_joint[j]
+        if not same_clock(m.clock[at], v.judged_clock[at]):
+            return inf
         at = plan * n + j
         for side in range(2):
             stop = m.up[at] if side == 0 else m.down[at]
@@ -152,6 +147,19 @@ def joint_growth(j: int, v: Watch, m: Motion) -> float:
     return float(growth)
 
 
+@kernel
+def same_clock(a: StopClock, b: StopClock) -> bool:
+    """Whether two stops have equal delays."""
+    return bool(
+        a.age == b.age
+        and a.reaction == b.reaction
+        and a.passed == b.passed
+        and a.braking == b.braking
+        and a.still == b.still
+        and a.swings == b.swings
+    )
+
+
 @kernel(separate=True)
 def renew(w: Workspace) -> bool:
     """Prove the recorded pairs again.
@@ -160,7 +168,7 @@ def renew(w: Workspace) -> bool:
         False if a pair without a row has to be judged, which needs all pairs again.
     """
     v, m = w.watch, w.motion
-    longer = max(m.span[SETTLED] - v.judged_settled[0], 0.0)
+    longer = max(m.span[0].settled - v.judged_settled[0], 0.0)
     moving = m.rate.shape[0]
     w.header.reason, w.header.nearest = OK, -1.0
     for k in range(v.judged_count[0]):

@@ -21,7 +21,7 @@ from armguard.geometry.bounds import row_bounds
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.index import BruteForce, Octree
-from armguard.index.octree_state import ABSENT, INDEXED, STATUS
+from armguard.index.octree_state import ABSENT, INDEXED
 from armguard.scene.standing import Standing
 from armguard.scene.tables import SceneTables
 
@@ -182,7 +182,7 @@ def placement_of(
     for kind, columns in ADDRESSES.items():
         for column in columns:
             rows[kinds == kind, column] = 0.0
-    there = index.state.residency[places, STATUS] != ABSENT
+    there = index.state.residency["status"][places] != ABSENT
     cube = np.zeros(7)
     if isinstance(index, Octree):
         cube[:] = *index.low, *index.high, index.max_depth
@@ -210,10 +210,10 @@ def stand(
         columns = list(ADDRESSES.get(ShapeKind(world.kinds[i]), ()))
         world.rows[i] = np.where(np.isin(PLACES, columns), world.rows[i], row)
         row_bounds(int(world.kinds[i]), world.rows[i], 0.0, world.boxes[i])
-    present = index.state.residency[:, STATUS] != ABSENT
+    present = index.state.residency["status"] != ABSENT
     present[places] = there
     if isinstance(index, BruteForce):
-        index.residency[:, STATUS] = np.where(present, INDEXED, ABSENT)
+        index.residency["status"][:] = np.where(present, INDEXED, ABSENT)
         return
     index.low, index.high = cube[:3].copy(), cube[3:6].copy()
     index.max_depth = int(cube[6])
@@ -229,4 +229,5 @@ def put_back(index: Octree | BruteForce, item: Standing, local_rows: Floats) -> 
         row_bounds(
             int(index.world.kinds[i]), index.world.rows[i], 0.0, index.world.boxes[i]
         )
-    index.state.residency[own, STATUS] = INDEXED if item.present else ABSENT
+    status = INDEXED if item.present else ABSENT
+    index.state.residency["status"][own] = status

@@ -82,6 +82,8 @@ BOUNDS: Rules = {
     "motion.joints": [Own()],
     "motion.length": [Own()],
     "motion.shared": [Own()],
+    "motion.clock": [Whole(0, 1, ("braking", "still", "swings"))],
+    "motion.span": [Whole(0, 1, ("segment",))],
     "watch.last": [Whole(0, MOST_REASON, ("forced",))],
     "watch.sample_count": [Whole(0, HISTORY)],
     "watch.phase": [Whole(0, RECOVERING)],

@@ -14,7 +14,6 @@ from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
 from armguard.motion.state import (
     NEXT,
-    REACTION,
     Motion,
 )
 
@@ -56,7 +55,7 @@ def closing_commanded(
             continue
         r = robot_of(k, v)
         if r >= 0:
-            time = max(time, m.clock[plan * robots + r, REACTION])
+            time = max(time, m.clock[plan * robots + r].reaction)
         point = point_of(near, side)
         body = w.bodies[k]
         for x in range(first, m.length[body]):

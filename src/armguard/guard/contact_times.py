@@ -16,7 +16,7 @@ from armguard.kernel import kernel
 from armguard.motion.free_way import bound_free_way, grid_time, time_after
 from armguard.motion.pair_proof import path_gap
 from armguard.motion.pair_state import ALLOWED, new_pair
-from armguard.motion.state import AGE, FREE, GRID, Motion
+from armguard.motion.state import FREE, GRID, Motion
 
 # No near pair may touch before the earliest known contact.
 NONE = -1
@@ -129,8 +129,8 @@ def unknown_way(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
 @kernel
 def oldest_age(i: int, j: int, v: Watch, m: Motion) -> float:
     """Age of the older measurement of a pair's robots [s]."""
-    age, other = m.clock[robot_of(i, v), AGE], robot_of(j, v)
-    return float(max(age, m.clock[other, AGE]) if other >= 0 else age)
+    age, other = m.clock[robot_of(i, v)].age, robot_of(j, v)
+    return float(max(age, m.clock[other].age) if other >= 0 else age)
 
 
 @kernel

@@ -12,7 +12,6 @@ from armguard.guard.observe import now_of
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.state import SEGMENT
 
 CAPACITY = int(Reason.CAPACITY)
 
@@ -39,7 +38,7 @@ def judge_with_contracts(w: Workspace) -> None:
     """
     v, m = w.watch, w.motion
     h = w.grips
-    if m.span[SEGMENT] != 0.0:
+    if m.span[0].segment != 0:
         judge_motions(w)
         return
     for k in range(h.contracts.shape[0]):

@@ -41,10 +41,7 @@ from armguard.motion.pair_state import (
     new_pair,
 )
 from armguard.motion.state import (
-    LOOKED,
     NOW,
-    SEGMENT,
-    SETTLED,
     Motion,
 )
 
@@ -87,7 +84,7 @@ def prove_with_contract(
     """
     v, m, h = w.watch, w.motion, w.grips
     k = -1
-    if h.may[w.groups[i], w.groups[j]] != 0 and m.span[SEGMENT] == 0.0:
+    if h.may[w.groups[i], w.groups[j]] != 0 and m.span[0].segment == 0:
         k = contract_of(i, j, h)
     if k < 0:
         return prove_pair(i, j, plan_i, plan_j, near, w)
@@ -153,7 +150,7 @@ def keep_contract(
     v, m = w.watch, w.motion
     c = w.grips.contracts[k]
     # The contract has to be checked again whenever commands change.
-    m.effort[LOOKED] = 1
+    m.effort[0].beyond_primitives = 1
     refine_pair(i, j, near, w)
     note_nearest(i, near, c)
     robot_j = robot_of(j, v)
@@ -170,7 +167,7 @@ def keep_contract(
     # A moving object may have approached since it was seen, and may approach on.
     drift = object_speed(j, v)
     if drift > 0.0:
-        spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[SETTLED])
+        spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[0].settled)
         closing += drift
     distance = near.distance - max(closing, 0.0) * time
     # An expired contract still lets a pair that is near separate.

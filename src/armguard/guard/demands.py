@@ -24,7 +24,7 @@ from armguard.motion.pair_state import (
     SPENT,
     UNPROVEN,
 )
-from armguard.motion.state import LOOKED, NEXT, NOW
+from armguard.motion.state import NEXT, NOW
 
 TOO_CLOSE = int(Reason.TOO_CLOSE)
 NO_PROOF = int(Reason.NO_PROOF)
@@ -47,7 +47,7 @@ def judge_motion(i: int, j: int, near: NearRow, w: Workspace) -> None:
     """
     v, m = w.watch, w.motion
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    m.effort[LOOKED] = 0
+    m.effort[0].beyond_primitives = 0
     near.envelope = OF_WITNESS
     proof, spare = prove(i, j, NEXT, NEXT, near, w)
     judged = near.envelope

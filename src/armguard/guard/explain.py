@@ -15,7 +15,7 @@ from armguard.kernel import kernel
 from armguard.motion.joint_stop import whole_way
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import NEXT, SETTLED, Motion
+from armguard.motion.state import NEXT, Motion
 from armguard.motion.stop_path import error_of
 
 Floats = NDArray[np.float64]
@@ -85,7 +85,7 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
             terms[TERM_STATIC + k] = error
             known += error
     seen = static_need(i, j, w, v, m) - known
-    terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[SETTLED]
+    terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[0].settled
     n = normal_of(near)
     body_i, body_j = w.bodies[i], w.bodies[j]
     first = shared_joints(body_i, body_j, m)

@@ -37,8 +37,6 @@ from armguard.kernel import kernel
 from armguard.motion.state import (
     NEXT,
     NOW,
-    SETTLED,
-    TESTS,
     Motion,
 )
 from armguard.motion.stop_path import bound_reaches, plan_stops
@@ -111,7 +109,7 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
                 hold_still(r, v, m)
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
-            v.relief_until[r] = now_of(v) + m.span[SETTLED]
+            v.relief_until[r] = now_of(v) + m.span[0].settled
         elif recover[r] != GIVES_UP:
             recover[r] = 0
 
@@ -135,7 +133,7 @@ def prove_wanted(w: Workspace) -> None:
             return
         if SHARES[k] == 0.0:
             # Tests spent on greater commands must not stop the pending ones.
-            m.effort[TESTS] = 0
+            m.effort[0].tests = 0
         judge_again(begun, w)
 
 

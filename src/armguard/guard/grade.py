@@ -21,7 +21,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.figures import FIXED
 from armguard.motion.pair_state import UNPROVEN
-from armguard.motion.state import AGE, Motion
+from armguard.motion.state import Motion
 
 CLEAR = int(Level.CLEAR)
 CAUTION = int(Level.CAUTION)
@@ -63,7 +63,7 @@ def grade_robots(w: Workspace, v: Watch, m: Motion) -> None:
         row.level = level
         row.phase = v.phase[r]
         row.scale = scale
-        row.age = m.clock[r, AGE]
+        row.age = m.clock[r].age
         row.cause = v.cause[r]
         row.delay = v.delays[r]
         if level > worst:

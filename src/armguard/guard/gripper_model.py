@@ -12,7 +12,7 @@ from armguard.guard.needs import look_distance
 from armguard.guard.watch import FEW, Watch
 from armguard.guard.workspace import IndexKind, Workspace
 from armguard.index.octree_query import primitives_in_box
-from armguard.index.octree_state import ABSENT, INDEXED, STATUS
+from armguard.index.octree_state import ABSENT, INDEXED
 from armguard.index.octree_update import octree_insert, octree_remove
 from armguard.kernel import kernel
 
@@ -85,7 +85,7 @@ def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
 @kernel
 def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
     """Whether a primitive is present, checked, and its box within a distance."""
-    if w.octree.residency[j, STATUS] == ABSENT:
+    if w.octree.residency[j].status == ABSENT:
         return False
     if w.checked[w.groups[box], w.groups[j]] == 0:
         return False
@@ -96,7 +96,7 @@ def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
 def put_in(i: int, w: Workspace) -> None:
     """Insert a primitive into the index at its present pose."""
     if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
-        w.octree.residency[i, STATUS] = INDEXED
+        w.octree.residency[i].status = INDEXED
     else:
         octree_insert(i, w.world, w.octree)
 
@@ -105,6 +105,6 @@ def put_in(i: int, w: Workspace) -> None:
 def take_out(i: int, w: Workspace) -> None:
     """Remove a primitive from the index."""
     if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
-        w.octree.residency[i, STATUS] = ABSENT
+        w.octree.residency[i].status = ABSENT
     else:
         octree_remove(i, w.world, w.octree)

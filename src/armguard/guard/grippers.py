@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from armguard.errors import GraspError, UnknownNameError, did_you_mean, known_names
 from armguard.guard.grips import GripperModel, Grips
 from armguard.index import BruteForce, Octree
-from armguard.index.octree_state import ABSENT, STATUS
+from armguard.index.octree_state import ABSENT
 from armguard.scene.hold_tables import GripperPart
 from armguard.scene.tables import SceneTables
 
@@ -154,7 +154,7 @@ class Grippers:
 
     def is_there(self, i: int) -> bool:
         """Whether a primitive is in the index."""
-        return bool(self.index.state.residency[i, STATUS] != ABSENT)
+        return bool(self.index.state.residency[i].status != ABSENT)
 
     def _members(self, g: int) -> list[tuple[int, int]]:
         """First primitive of each link of a gripper, and the index after its last."""

@@ -33,7 +33,7 @@ from armguard.guard.stops import (
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace, open_workspace
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, NOW, TESTS, Motion
+from armguard.motion.state import NEXT, NOW, Motion
 from armguard.motion.stop_path import (
     bound_reaches,
     measured_speeds,
@@ -143,7 +143,7 @@ def forget_demands(v: Watch, m: Motion) -> None:
         v.must[r] = v.relieved[r] = 0
         v.time_left[r] = np.inf
         v.deficit[r] = 0.0
-    m.effort[TESTS] = 0
+    m.effort[0].tests = 0
 
 
 @kernel(separate=True)
@@ -153,7 +153,7 @@ def conclude(w: Workspace) -> None:
     if w.header.reason == CAPACITY or w.header.reason == NO_DISTANCE:
         v.last.forced = w.header.reason
     order_stops(v, m)
-    w.header.spans_tested = m.effort[TESTS]
+    w.header.spans_tested = m.effort[0].tests
     grade_robots(w, v, m)
     write_envelopes(w)
     explain_nearest(w, v, m)

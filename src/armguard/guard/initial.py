@@ -22,7 +22,7 @@ from armguard.guard.watch import (
     Timing,
     Watch,
 )
-from armguard.motion.state import CLOCK, PLANS
+from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
 from armguard.scene.tables import SceneTables
 
@@ -76,7 +76,7 @@ def watch_of(tables: SceneTables) -> Watch:
     )
 
 
-def samples_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
+def samples_at_rest(tables: SceneTables) -> dict[str, Any]:
     """Initial measurements and what follows from them, by field of a `Watch`."""
     robots, n = len(tables.robots), len(tables.q_names)
     return {
@@ -93,7 +93,7 @@ def samples_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
     }
 
 
-def pairs_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
+def pairs_at_rest(tables: SceneTables) -> dict[str, Any]:
     """Static needs, and initial judgements of pairs, by field of a `Watch`."""
     robots, n = len(tables.robots), len(tables.q_names)
     m = tables.moving_count
@@ -113,12 +113,12 @@ def pairs_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
         "judged_left": np.zeros(JUDGED_ROOM),
         "judged_count": np.zeros(1, dtype=np.int64),
         "judged_stops": records(2 * PLANS * n, JudgedStop),
-        "judged_clock": np.zeros((PLANS * robots, CLOCK)),
+        "judged_clock": records(PLANS * robots, StopClock),
         "judged_settled": np.zeros(1),
     }
 
 
-def commands_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
+def commands_at_rest(tables: SceneTables) -> dict[str, Any]:
     """Initial commands and observed delays, by field of a `Watch`."""
     robots, n = len(tables.robots), len(tables.q_names)
     commands = commands_under_way(tables)
@@ -138,7 +138,7 @@ def commands_at_rest(tables: SceneTables) -> dict[str, NDArray[Any]]:
     }
 
 
-def sightings_at_start(tables: SceneTables) -> dict[str, NDArray[Any]]:
+def sightings_at_start(tables: SceneTables) -> dict[str, Any]:
     """Moving objects, none of them seen yet, by field of a `Watch`."""
     speeds = tables.top_speeds
     count = len(speeds) and len(tables.kinds)

@@ -34,7 +34,7 @@ from armguard.guard.near_pairs import boxes_apart
 from armguard.guard.observe import now_of
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
-from armguard.index.octree_state import ABSENT, STATUS
+from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
@@ -144,7 +144,7 @@ def score_of(
     if own.held_count > 0:
         return inf
     first = thing.first
-    if w.octree.residency[first, STATUS] == ABSENT or own.coarse != 0:
+    if w.octree.residency[first].status == ABSENT or own.coarse != 0:
         return inf
     near, aim, fast = thing.near, thing.aim, thing.intent_speed
     if o == own.target:

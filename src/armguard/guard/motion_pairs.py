@@ -2,22 +2,18 @@
 
 from math import inf
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
-from armguard.geometry.pairs import measure
-from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.demands import judge_motion
-from armguard.guard.layout import NearRow, normal_of, put_witness
+from armguard.guard.layout import NearRow, normal_of
 from armguard.guard.near_pairs import (
-    CAPACITY,
     boxes_apart,
     decide,
     is_idle,
     keep_owned,
+    measures_row,
     open_row,
 )
 from armguard.guard.needs import (
@@ -28,7 +24,6 @@ from armguard.guard.needs import (
     static_need,
     time_since,
 )
-from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.proofs import coarse
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
@@ -39,10 +34,10 @@ from armguard.index.octree_query import (
     present_primitives,
     primitives_in_box,
 )
-from armguard.index.octree_state import ABSENT, STATUS
+from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import AT_MIDDLE, NEXT, SEGMENT, SETTLED, Motion
+from armguard.motion.state import NEXT, Motion
 from armguard.motion.twist_bound import (
     SPEED,
     TRAVEL,
@@ -124,8 +119,8 @@ def go_through_pairs(w: Workspace) -> int:
         if farther(boxes, i, j, look):
             filtered += 1
         elif (
-            w.octree.residency[j, STATUS] != ABSENT
-            and w.octree.residency[i, STATUS] != ABSENT
+            w.octree.residency[j].status != ABSENT
+            and w.octree.residency[i].status != ABSENT
         ):
             count = judge_pair(i, j, need, look, count, w)
     w.header.pairs_filtered += filtered
@@ -181,21 +176,9 @@ def judge_pair(
     Returns:
         New count of rows.
     """
-    v, out, kinds, rows = w.watch, w.header, w.world.kinds, w.world.rows
-    if is_apart(i, j, look, w):
-        out.pairs_apart += 1.0
+    if not measures_row(i, j, look, count, w):
         return count
-    out.pairs_tested += 1.0
-    if count == w.kept.shape[0]:
-        out.reason = CAPACITY
-        return count
-    near = w.near[count]
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
-    measure(kinds[i], rows[i], kinds[j], rows[j], witness)
-    if witness[0] > look:
-        remember_plane(i, j, w, witness)
-        return count
-    put_witness(witness, near)
+    v, near = w.watch, w.near[count]
     distance = near.distance
     if distance > w.settings[0].margin and is_far_along(i, j, need, near, w):
         return count
@@ -241,7 +224,7 @@ def is_far_along(i: int, j: int, need: float, near: NearRow, w: Workspace) -> bo
     travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
     if near.distance - travel >= kept:
         return True
-    if m.effort[AT_MIDDLE] == 0:
+    if m.effort[0].at_middle == 0:
         place_at_middle(w.bodies, w.T_world, m)
     boxes = w.world.boxes
     return bool(middle_gap(i, j, body_i, body_j, shared, boxes, m) >= kept)
@@ -273,7 +256,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
 
     Where commands go through the guard, it covers new commands of this cycle as well.
     """
-    if m.span[SEGMENT] == 0.0:
+    if m.span[0].segment == 0:
         bound_twists(w.world.boxes, w.bodies, m)
     time = LOOK_AHEAD * v.timing.slow_time
     for i in range(w.settings[0].moving_count):
@@ -296,7 +279,7 @@ def follows_twists(i: int, v: Watch, m: Motion) -> int:
     The proofs of a robot in mode "speed" or with a brake rest on levers. A recovering
     robot is relieved of pairs that levers do not prove.
     """
-    if m.span[SEGMENT] != 0.0 or coarse(i, v, m):
+    if m.span[0].segment != 0 or coarse(i, v, m):
         return 0
     r = robot_of(i, v)
     if r < 0:
@@ -361,7 +344,7 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float,
     """
     need = static_need(i, j, w, v, m)
     moving = w.settings[0].moving_count
-    if j >= moving and m.span[SEGMENT] == 0.0:
+    if j >= moving and m.span[0].segment == 0:
         need += object_speed(j, v) * time_ahead(v, m)
     if w.settings[0].contracts != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
         look = need + lever_look(i, v, m)
@@ -376,7 +359,7 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float,
 def way_of_object(j: int, v: Watch, m: Motion) -> float:
     """Greatest displacement of an object, from its sighting to the look-ahead [m]."""
     speed = object_speed(j, v)
-    if speed == 0.0 or m.span[SEGMENT] != 0.0:
+    if speed == 0.0 or m.span[0].segment != 0:
         return 0.0
     return float(speed * (time_since(v.seen_at[j], v, m) + time_ahead(v, m)))
 
@@ -384,7 +367,7 @@ def way_of_object(j: int, v: Watch, m: Motion) -> float:
 @kernel
 def time_ahead(v: Watch, m: Motion) -> float:
     """Look-ahead: time from now after which a contact is not reported [s]."""
-    return float(m.span[SETTLED] + LOOK_AHEAD * v.timing.slow_time)
+    return float(m.span[0].settled + LOOK_AHEAD * v.timing.slow_time)
 
 
 @kernel
@@ -419,6 +402,6 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
         fastest = max(fastest, v.top_speed[j])
         seen = min(seen, v.seen_at[j])
     drift = 0.0
-    if fastest > 0.0 and m.span[SEGMENT] == 0.0:
+    if fastest > 0.0 and m.span[0].segment == 0:
         drift = fastest * (time_ahead(v, m) + time_since(seen, v, m))
     return float(farthest + drift + w.settings[0].static_need)

@@ -17,7 +17,7 @@ from armguard.index.octree_query import (
     octree_candidates,
     present_primitives,
 )
-from armguard.index.octree_state import ABSENT, STATUS
+from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.pair_state import (
     EXCEEDED,
@@ -85,7 +85,7 @@ def judge_listed(w: Workspace) -> int:
             last = i
         if not (moved[i] or moved[j]):
             continue
-        if residency[i, STATUS] == ABSENT or residency[j, STATUS] == ABSENT:
+        if residency[i].status == ABSENT or residency[j].status == ABSENT:
             continue
         if boxes_apart(w.world.boxes, i, j, w.settings[0].margin):
             w.header.pairs_filtered += 1.0
@@ -137,26 +137,9 @@ def judge_candidate(i: int, j: int, count: int, w: Workspace) -> int:
     Returns:
         New count of rows.
     """
-    out, kinds, rows, margin = (
-        w.header,
-        w.world.kinds,
-        w.world.rows,
-        w.settings[0].margin,
-    )
-    if is_apart(i, j, margin, w):
-        out.pairs_apart += 1.0
-        return count
-    out.pairs_tested += 1.0
-    if count == w.kept.shape[0]:
-        out.reason = CAPACITY
+    if not measures_row(i, j, w.settings[0].margin, count, w):
         return count
     near = w.near[count]
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
-    measure(kinds[i], rows[i], kinds[j], rows[j], witness)
-    if witness[0] > margin:
-        remember_plane(i, j, w, witness)
-        return count
-    put_witness(witness, near)
     open_row(i, j, near, w)
     required = near.buffer
     if not near.distance - required >= 0.0:
@@ -165,6 +148,37 @@ def judge_candidate(i: int, j: int, count: int, w: Workspace) -> int:
     if not near.headroom >= 0.0:
         near.proof = NEEDED
     return count + 1
+
+
+@kernel
+def measures_row(i: int, j: int, look: float, count: int, w: Workspace) -> bool:
+    """Measure a pair into the next row of the answer.
+
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        look: Distance beyond which the pair does not matter [m].
+        count: Count of rows of the answer.
+        w: The workspace.
+
+    Returns:
+        False if the pair does not matter, or there is no room.
+    """
+    out, kinds, rows = w.header, w.world.kinds, w.world.rows
+    if is_apart(i, j, look, w):
+        out.pairs_apart += 1.0
+        return False
+    out.pairs_tested += 1.0
+    if count == w.kept.shape[0]:
+        out.reason = CAPACITY
+        return False
+    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    measure(kinds[i], rows[i], kinds[j], rows[j], witness)
+    if witness[0] > look:
+        remember_plane(i, j, w, witness)
+        return False
+    put_witness(witness, w.near[count])
+    return True
 
 
 @kernel
@@ -190,7 +204,7 @@ def index_candidates(i: int, token: int, w: Workspace) -> int:
 @kernel
 def is_idle(i: int, robots: Ints, w: Workspace) -> bool:
     """Whether a moving primitive owns no pair: no robot moves it, or it is absent."""
-    return bool(robots[i] < 0 or w.octree.residency[i, STATUS] == ABSENT)
+    return bool(robots[i] < 0 or w.octree.residency[i].status == ABSENT)
 
 
 @kernel

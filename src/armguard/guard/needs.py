@@ -15,8 +15,6 @@ from armguard.motion.pair_proof import (
 )
 from armguard.motion.state import (
     NEXT,
-    SEGMENT,
-    STILL,
     Motion,
 )
 
@@ -77,7 +75,7 @@ def rate_along_normal(
         for c in range(first, m.length[body]):
             b = m.joints[body, c]
             q = m.q_index[b]
-            if m.clock[m.robot_of_joint[q], STILL] != 0.0:
+            if m.clock[m.robot_of_joint[q]].still != 0:
                 continue
             g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
             if side == 1:
@@ -108,7 +106,7 @@ def static_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
         return float(need)
     need += v.robot_error[i]
     speed = object_speed(j, v)
-    if speed > 0.0 and m.span[SEGMENT] == 0.0:
+    if speed > 0.0 and m.span[0].segment == 0:
         need += speed * time_since(v.seen_at[j], v, m)
     return float(need)
 

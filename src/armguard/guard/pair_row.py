@@ -9,7 +9,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_proof import shared_joints
-from armguard.motion.state import STILL, Motion
+from armguard.motion.state import Motion
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def pair_row(
         for c in range(first, m.length[body]):
             b = m.joints[body, c]
             q = m.q_index[b]
-            if m.clock[m.robot_of_joint[q], STILL] != 0.0:
+            if m.clock[m.robot_of_joint[q]].still != 0:
                 continue
             g = m.gain[b, 0] * dot(n, joint_way(point, b, m.axes[b], m))
             row[q] += g if side == 0 else -g

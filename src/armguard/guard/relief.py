@@ -11,8 +11,6 @@ from armguard.guard.watch import RECOVERING, RUNNING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import (
-    SEGMENT,
-    SETTLED,
     Motion,
 )
 
@@ -51,7 +49,7 @@ def relief_of(
         v: Watch; the deficits of the robots are written.
         m: Motion.
     """
-    if m.span[SEGMENT] != 0.0:
+    if m.span[0].segment != 0:
         return 0.0
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     measured = spare
@@ -76,7 +74,7 @@ def relief_of(
             if not surely_opens(r, i, j, near, w):
                 return 0.0
             # `relief` includes the travel of an object until `relief_until`.
-            later = max(now_of(v) + m.span[SETTLED] - v.relief_until[r], 0.0)
+            later = max(now_of(v) + m.span[0].settled - v.relief_until[r], 0.0)
             most = max(most, v.relief[r] + SINK + object_speed(j, v) * later)
     relief = min(SINK - spare, most)
     if relief > floor and measured + floor >= error_along(i, j, near, w, v, m):

@@ -50,16 +50,16 @@ def carry(
     )
     reach = reach_of(carrier, tables)
     for i, row in zip(range(first, end), rows, strict=True):
-        round_it = anchor(int(tables.kinds[i]), row)
+        capsule = anchor(int(tables.kinds[i]), row)
         levers = primitive_levers(
-            round_it, chain, tables.joint_kind, tables.T_parent_joint, tables.axis,
+            capsule, chain, tables.joint_kind, tables.T_parent_joint, tables.axis,
             ways,
         )  # fmt: skip
         motion.levers[i] = 0.0
         motion.levers[i, : len(levers)] = levers
         motion.blur[i], motion.push[i] = levers @ errors, levers @ pushes
-        far = np.linalg.norm(round_it[:6].reshape(2, 3), axis=1).max()
-        tables.base_reach[i] = reach + float(far + round_it[6])
+        far = np.linalg.norm([capsule.start, capsule.end], axis=1).max()
+        tables.base_reach[i] = reach + float(far + capsule.radius)
         tables.robot_of_primitive[i] = part.robot
         errors = errors_at(part.robot, float(tables.base_reach[i]), tables)
         set_static_errors(slice(i, i + 1), np.array([errors]).T, watch)

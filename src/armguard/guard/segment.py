@@ -9,7 +9,7 @@ from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, SEGMENT, TESTS
+from armguard.motion.state import NEXT
 from armguard.motion.stop_path import bound_reaches, plan_segment, write_axes
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,7 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
     bound_reaches(NEXT, w.bodies, m)
     bound_reaches(1 - NEXT, w.bodies, m)
     judge_all(w)
-    w.header.spans_tested = m.effort[TESTS]
-    m.span[SEGMENT] = 0.0
+    w.header.spans_tested = m.effort[0].tests
+    m.span[0].segment = 0
     w.memory[0].measure_all = 1
     return rows + int(w.header.near_count) * NEAR_WIDTH

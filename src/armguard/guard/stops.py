@@ -28,20 +28,11 @@ from armguard.motion.figures import (
 )
 from armguard.motion.joint_stop import curve_at, speed_lost, whole_way
 from armguard.motion.state import (
-    AGE,
-    CLOCK,
-    HIGHEST,
-    LOWEST,
     NEXT,
     NOW,
-    OF_STOP,
-    PASSED,
-    REACTION,
-    STILL,
-    SWINGS,
     Motion,
 )
-from armguard.motion.state import BRAKING as BY_BRAKE
+from armguard.record import clear
 
 Floats = NDArray[np.float64]
 
@@ -230,13 +221,14 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
         error = 2.0 * m.joint_figures[j].position_error + GRAIN
         v.rest_high[j], v.rest_low[j] = inf, -inf
         forget_swing(j, m)
-        if phase == STOPPING and clock[REACTION] > 0.0:
+        if phase == STOPPING and clock.reaction > 0.0:
             # As planned for a stop that is ordered now.
-            m.swings[j, OF_STOP] = max(up.swing, down.swing)
-            m.swings[j, LOWEST] = m.q[j] - whole_way(down)
-            m.swings[j, HIGHEST] = m.q[j] + whole_way(up)
-            v.rest_high[j] = m.swings[j, HIGHEST] + error
-            v.rest_low[j] = m.swings[j, LOWEST] - error
+            stop = m.swings[j]
+            stop.swing = max(up.swing, down.swing)
+            stop.lowest = m.q[j] - whole_way(down)
+            stop.highest = m.q[j] + whole_way(up)
+            v.rest_high[j] = stop.highest + error
+            v.rest_low[j] = stop.lowest - error
         elif phase <= BRAKING:
             error += m.joint_figures[j].settle
             v.rest_high[j] = m.q[j] + error + way_to_rest(r, j, m.v_high[j], v, m)
@@ -246,8 +238,8 @@ def order(r: int, phase: int, cause: int, now: float, v: Watch, m: Motion) -> No
 @kernel
 def forget_swing(j: int, m: Motion) -> None:
     """Permit the swing of a stop from top speed: this stop was not planned."""
-    m.swings[j, OF_STOP] = m.joint_figures[j].settle
-    m.swings[j, LOWEST], m.swings[j, HIGHEST] = -inf, inf
+    m.swings[j].swing = m.joint_figures[j].settle
+    m.swings[j].lowest, m.swings[j].highest = -inf, inf
 
 
 @kernel
@@ -278,28 +270,27 @@ def set_clocks(v: Watch, m: Motion) -> None:
     for plan in range(2):
         for r in range(robots):
             clock = m.clock[plan * robots + r]
-            for k in range(CLOCK):
-                clock[k] = 0.0
+            clear(clock)
             robot = m.robot_figures[r]
             if robot.mode == FIXED:
-                clock[STILL] = 1.0
+                clock.still = 1
                 continue
-            clock[AGE] = now - v.stamps[r] + unknown_age(r, v, m)
+            clock.age = now - v.stamps[r] + unknown_age(r, v, m)
             phase = v.phase[r]
             driven = phase == RUNNING or phase == RECOVERING
             if driven or (phase == RESTING and plan == NEXT):
-                clock[REACTION] = clock[AGE] + robot.command
+                clock.reaction = clock.age + robot.command
                 if plan == NEXT:
                     # A robot at rest is released if it could move one cycle longer.
-                    clock[REACTION] += cycle if driven else 2.0 * cycle
+                    clock.reaction += cycle if driven else 2.0 * cycle
             elif phase == RESTING:
-                clock[PASSED] = LONG_AGO
+                clock.passed = LONG_AGO
             else:
                 effect = effect_time(r, v, m)
-                clock[REACTION] = max(effect - v.stamps[r], 0.0)
-                clock[PASSED] = max(v.stamps[r] - effect, 0.0)
-                clock[BY_BRAKE] = 0.0 if phase == STOPPING else 1.0
-                clock[SWINGS] = 1.0
+                clock.reaction = max(effect - v.stamps[r], 0.0)
+                clock.passed = max(v.stamps[r] - effect, 0.0)
+                clock.braking = 0 if phase == STOPPING else 1
+                clock.swings = 1
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
+from armguard.motion.state import StopClock
 from armguard.record import Records, record
 from armguard.table import (
     IntMatrix,
@@ -234,7 +235,7 @@ class Watch(NamedTuple):
         judged_count: Count of these pairs; -1 if there were too many, shape (1,).
         judged_stops: Stop of each joint that they were judged for, in its positive and
             its negative direction, shape (2 · PLANS · n,).
-        judged_clock: Clocks of these stops, shape (PLANS · r, CLOCK).
+        judged_clock: Clocks of these stops, shape (PLANS · r,).
         judged_settled: Time from now until these stops have settled, shape (1,) [s].
         grown: Additional travel of each primitive since then, shape (m,) [m].
         yields: 1 where a robot may be slowed before it is stopped, shape (r,).
@@ -315,7 +316,7 @@ class Watch(NamedTuple):
     judged_left: Vector
     judged_count: LongVector
     judged_stops: Annotated[Records[JudgedStop], 1]
-    judged_clock: Matrix
+    judged_clock: Annotated[Records[StopClock], 1]
     judged_settled: Vector
     grown: Vector
     yields: LongVector

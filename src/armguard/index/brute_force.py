@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import OctreeError
 from armguard.index.octree_query import present_primitives
-from armguard.index.octree_state import INDEXED, STATUS, empty_state
+from armguard.index.octree_state import ABSENT, INDEXED, empty_state
 from armguard.index.world import World
 
 
@@ -32,16 +32,16 @@ class BruteForce:
             anchor_count=0,
         )
         self.residency = self.state.residency
-        self.residency[:, STATUS] = INDEXED
+        self.residency["status"][:] = INDEXED
         self._out = np.zeros(max(count, 1), dtype=np.int32)
 
     def insert(self, i: int) -> None:
         """Add primitive i."""
-        self.residency[i, STATUS] = INDEXED
+        self.residency[i].status = INDEXED
 
     def remove(self, i: int) -> None:
         """Remove primitive i."""
-        self.residency[i, STATUS] = 0
+        self.residency[i].status = ABSENT
 
     def update(self, i: int) -> None:
         """Do nothing: a motion changes no structure."""
@@ -57,13 +57,13 @@ class BruteForce:
         Raises:
             OctreeError: A status is invalid.
         """
-        if not np.isin(self.residency[:, STATUS], (0, INDEXED)).all():
+        if not np.isin(self.residency["status"], (ABSENT, INDEXED)).all():
             raise OctreeError("a primitive is neither present nor absent")
 
     def statistics(self) -> dict[str, object]:
         """Number of present primitives, and bytes."""
         return {
             "kind": "brute_force",
-            "primitives": int((self.residency[:, STATUS] != 0).sum()),
+            "primitives": int((self.residency["status"] != ABSENT).sum()),
             "bytes": int(self.residency.nbytes + self._out.nbytes),
         }

@@ -20,17 +20,10 @@ from armguard.index.octree_bulk import (
 from armguard.index.octree_query import candidate_bound, octree_candidates
 from armguard.index.octree_state import (
     ABSENT,
-    COUNT,
-    COUNT_UNSPLIT,
     DEPTH_LIMIT,
-    ENTRIES_USED,
-    NODES_USED,
-    OVERFLOW_COUNT,
     OVERFLOWED,
-    PLACE,
     STACK_ROOM,
-    STATUS,
-    TOKEN,
+    Counters,
     OctreeState,
     empty_state,
     state_with_room,
@@ -48,6 +41,7 @@ from armguard.index.octree_walk import (
 )
 from armguard.index.world import World
 from armguard.kernel import kernel
+from armguard.record import records
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -135,10 +129,10 @@ class Octree:
             present[i] = True
             self.state = self._build(present)
             return
-        refused = int(self.state.counters[COUNT_UNSPLIT])
+        refused = int(self.state.counters[0].unsplit)
         octree_insert(i, self.world, self.state)
-        overflowed = self.state.residency[i, STATUS] == OVERFLOWED
-        if overflowed or self.state.counters[COUNT_UNSPLIT] != refused:
+        overflowed = self.state.residency[i].status == OVERFLOWED
+        if overflowed or self.state.counters[0].unsplit != refused:
             self.state = self._build(self.present)
 
     def remove(self, i: int) -> None:
@@ -155,21 +149,21 @@ class Octree:
         """Ids of primitives that share a leaf with primitive i, ascending."""
         self._check_id(i)
         state = self.state
-        state.header[TOKEN] += 1
+        state.header[0].token += 1
         out = np.zeros(candidate_bound(i, state), dtype=np.int32)
-        token = int(state.header[TOKEN])
+        token = int(state.header[0].token)
         found = octree_candidates(i, state, state.primitive_marks, token, out)
         return np.sort(out[:found])
 
     @property
     def present(self) -> Bools:
         """True for each primitive in the tree, shape (p,)."""
-        return np.asarray(self.state.residency[:, STATUS] != ABSENT)
+        return np.asarray(self.state.residency["status"] != ABSENT)
 
     @property
     def nbytes(self) -> int:
         """Bytes of all arrays of the tree, without those of the world."""
-        return int(sum(array.nbytes for array in self.state))
+        return sum(array.nbytes for array in self.state)
 
     def check(self) -> None:
         """Check every invariant; see `octree_audit`.
@@ -181,21 +175,21 @@ class Octree:
 
     def leaves(self) -> NDArray[np.int32]:
         """Ids of the leaves, in the order of a walk from the root, children in turn."""
-        out = np.zeros(int(self.state.header[NODES_USED]), dtype=np.int32)
+        out = np.zeros(int(self.state.header[0].nodes_used), dtype=np.int32)
         return out[: walk_leaves(self.state, out)].copy()
 
     def cells(self, nodes: NDArray[np.int32]) -> Floats:
         """Lower and upper corner of nodes, shape (k, 6) [m]."""
         out = np.zeros((len(nodes), 6))
-        corners(self.state.nodes[nodes, PLACE], self.state.cube, out)
+        corners(self.state.nodes["place"][nodes], self.state.cube, out)
         return out
 
     def statistics(self) -> dict[str, object]:
         """Figures of the tree by name: nodes, leaves, depths, lists, memory."""
         state = self.state
         leaves = self.leaves()
-        lengths = state.nodes[leaves, COUNT]
-        depths = np.bincount(np.log2(state.nodes[leaves, PLACE]).astype(int) // 3)
+        lengths = state.nodes["members"][leaves]
+        depths = np.bincount(np.log2(state.nodes["place"][leaves]).astype(int) // 3)
         return {
             "kind": "octree",
             "leaf_capacity": self.leaf_capacity,
@@ -211,10 +205,10 @@ class Octree:
             "mean_list": float(lengths.mean()),
             "longest_list": int(lengths.max()),
             "most_objects_in_a_leaf": int(most_owners(leaves, self.world, state)),
-            "refused_splits": int(state.counters[COUNT_UNSPLIT]),
-            "overflowed_primitives": int(state.header[OVERFLOW_COUNT]),
-            "node_room": [int(state.header[NODES_USED]), len(state.nodes)],
-            "entry_room": [int(state.header[ENTRIES_USED]), len(state.entries)],
+            "refused_splits": int(state.counters[0].unsplit),
+            "overflowed_primitives": int(state.header[0].overflow_count),
+            "node_room": [int(state.header[0].nodes_used), state.nodes.shape[0]],
+            "entry_room": [int(state.header[0].entries_used), state.entries.shape[0]],
             "bytes": self.nbytes,
         }
 
@@ -286,7 +280,7 @@ class Octree:
             else:
                 # Finer leaves inside many large objects do not separate them.
                 self.max_depth -= 1
-        state.counters[:] = 0
+        state = state._replace(counters=records(1, Counters))
         held = SPARE * entries_of_moving(world, state)
         return state_with_room(
             state,

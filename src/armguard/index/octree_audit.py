@@ -14,30 +14,10 @@ from armguard.index.gap_bounds import bracket_gaps
 from armguard.index.octree_cell import cell_at
 from armguard.index.octree_state import (
     ABSENT,
-    COUNT,
-    COUNT_UNSPLIT,
     DIVIDED,
-    ENTRIES_USED,
-    FIRST_ENTRY,
     FREE,
-    FREE_BLOCK,
-    FREE_ENTRIES,
-    FREE_ENTRY,
-    IN_LEAF,
-    LEAF_CAPACITY,
-    LINK,
-    MAX_DEPTH,
-    NEXT_IN_LEAF,
-    NEXT_OF_PRIMITIVE,
-    NODES_USED,
     NONE,
-    OVERFLOW_COUNT,
     OVERFLOWED,
-    PARENT,
-    PLACE,
-    PREVIOUS_OF_PRIMITIVE,
-    PRIMITIVE,
-    STATUS,
     OctreeState,
 )
 from armguard.index.world import World
@@ -87,19 +67,19 @@ def walk(state: OctreeState) -> tuple[list[int], dict[int, Floats], set[int]]:
         node, parent, depth, place, cell = stack.pop()
         demand(node not in used, f"node {node} is reached twice")
         used.add(node)
-        demand(nodes[node, PARENT] == parent, f"node {node} names a wrong parent")
-        demand(nodes[node, PLACE] == place, f"node {node} is misplaced")
+        demand(nodes[node].parent == parent, f"node {node} names a wrong parent")
+        demand(nodes[node].place == place, f"node {node} is misplaced")
         there = np.array(cell_at(place, state.cube))
         demand(np.abs(there - cell).max() <= UNDECIDED, f"cell {node} is misplaced")
-        demand(depth <= state.rule[MAX_DEPTH], f"node {node} is too deep")
-        if nodes[node, COUNT] != DIVIDED:
-            demand(nodes[node, COUNT] >= 0, f"node {node} is no leaf")
+        demand(depth <= state.rule[0].max_depth, f"node {node} is too deep")
+        if nodes[node].members != DIVIDED:
+            demand(nodes[node].members >= 0, f"node {node} is no leaf")
             leaves.append(node)
             low = np.where(cell[:3] == root[:3], -np.inf, cell[:3])
             high = np.where(cell[3:] == root[3:], np.inf, cell[3:])
             open_cells[node] = np.concatenate([low, high])
             continue
-        first = int(nodes[node, LINK])
+        first = int(nodes[node].link)
         demand(first > 0, f"node {node} has children at {first}")
         middle = 0.5 * (cell[:3] + cell[3:])
         for c in range(8):
@@ -118,30 +98,30 @@ def read_lists(leaves: list[int], state: OctreeState) -> dict[int, set[int]]:
     homes: dict[int, set[int]] = {}
     for leaf in leaves:
         seen: set[int] = set()
-        entry = int(nodes[leaf, LINK])
+        entry = int(nodes[leaf].link)
         while entry != NONE:
-            demand(entries[entry, IN_LEAF] == leaf, f"entry {entry} names another leaf")
-            i = int(entries[entry, PRIMITIVE])
+            demand(entries[entry].leaf == leaf, f"entry {entry} names another leaf")
+            i = int(entries[entry].primitive)
             demand(i not in seen, f"primitive {i} is in leaf {leaf} twice")
             seen.add(i)
             homes.setdefault(i, set()).add(leaf)
-            entry = int(entries[entry, NEXT_IN_LEAF])
-        demand(nodes[leaf, COUNT] == len(seen), f"leaf {leaf} miscounts its members")
+            entry = int(entries[entry].next_in_leaf)
+        demand(nodes[leaf].members == len(seen), f"leaf {leaf} miscounts its members")
         members[leaf] = seen
-    for i in range(len(residency)):
+    for i in range(residency.shape[0]):
         own: set[int] = set()
-        entry, previous = int(residency[i, FIRST_ENTRY]), NONE
+        entry, previous = int(residency[i].first_entry), NONE
         while entry != NONE:
-            demand(entries[entry, PRIMITIVE] == i, f"entry {entry} is not of {i}")
+            demand(entries[entry].primitive == i, f"entry {entry} is not of {i}")
             demand(
-                entries[entry, PREVIOUS_OF_PRIMITIVE] == previous,
+                entries[entry].previous_of_primitive == previous,
                 f"entry {entry} is not linked back",
             )
-            own.add(int(entries[entry, IN_LEAF]))
-            entry, previous = int(entries[entry, NEXT_OF_PRIMITIVE]), entry
+            own.add(int(entries[entry].leaf))
+            entry, previous = int(entries[entry].next_of_primitive), entry
         listed = homes.get(i, set())
         demand(own == listed, f"lists of primitive {i} and of its leaves differ")
-        absent = residency[i, STATUS] in (ABSENT, OVERFLOWED)
+        absent = residency[i].status in (ABSENT, OVERFLOWED)
         demand(not (absent and own), f"primitive {i} is absent but has leaves")
     return members
 
@@ -150,31 +130,33 @@ def check_books(
     used: set[int], members: dict[int, set[int]], state: OctreeState
 ) -> None:
     """Check that each node and entry is in use or free, never both, none lost."""
-    nodes, entries, header = state.nodes, state.entries, state.header
+    nodes, entries, header = state.nodes, state.entries, state.header[0]
     free_nodes: set[int] = set()
-    block = int(header[FREE_BLOCK])
+    block = int(header.free_block)
     while block != NONE:
         eight = set(range(block, block + 8))
         demand(not eight & (used | free_nodes), f"block {block} is used and free")
-        free = bool((nodes[block : block + 8, COUNT] == FREE).all())
+        free = bool((nodes["members"][block : block + 8] == FREE).all())
         demand(free, f"block {block} is free but not marked so")
         free_nodes |= eight
-        block = int(nodes[block, PARENT])
+        block = int(nodes[block].parent)
     demand(
-        len(used) + len(free_nodes) == header[NODES_USED],
-        f"{header[NODES_USED] - len(used) - len(free_nodes)} nodes are lost",
+        len(used) + len(free_nodes) == header.nodes_used,
+        f"{header.nodes_used - len(used) - len(free_nodes)} nodes are lost",
     )
     held = sum(map(len, members.values()))
     taken_back = 0
-    entry = int(header[FREE_ENTRY])
+    entry = int(header.free_entry)
     while entry != NONE:
-        demand(entries[entry, PRIMITIVE] == NONE, f"entry {entry} is used and free")
+        demand(entries[entry].primitive == NONE, f"entry {entry} is used and free")
         taken_back += 1
-        entry = int(entries[entry, NEXT_IN_LEAF])
-    demand(held + taken_back == header[ENTRIES_USED], "entries are lost")
-    demand(header[FREE_ENTRIES] == len(entries) - held, "free entries are miscounted")
-    overflowed = int((state.residency[:, STATUS] == OVERFLOWED).sum())
-    demand(header[OVERFLOW_COUNT] == overflowed, "overflows are miscounted")
+        entry = int(entries[entry].next_in_leaf)
+    demand(held + taken_back == header.entries_used, "entries are lost")
+    demand(
+        header.free_entries == entries.shape[0] - held, "free entries are miscounted"
+    )
+    overflowed = int((state.residency["status"] == OVERFLOWED).sum())
+    demand(header.overflow_count == overflowed, "overflows are miscounted")
 
 
 def check_truth(
@@ -188,7 +170,7 @@ def check_truth(
     low = np.array([cells[leaf][:3] for leaf in leaves])
     high = np.array([cells[leaf][3:] for leaf in leaves])
     for i in range(len(world.kinds)):
-        if state.residency[i, STATUS] in (ABSENT, OVERFLOWED):
+        if state.residency[i].status in (ABSENT, OVERFLOWED):
             continue
         lower, upper = bracket_gaps(int(world.kinds[i]), world.rows[i], low, high)
         radius = world.rows[i, 0] + world.growth[i]
@@ -210,16 +192,16 @@ def check_rule(
     state: OctreeState,
 ) -> None:
     """Check the rule: leaves are split above N objects and merged at N or fewer."""
-    if state.counters[COUNT_UNSPLIT]:
+    if state.counters[0].unsplit:
         return
     nodes = state.nodes
-    capacity, deepest = state.rule[LEAF_CAPACITY], 8 ** state.rule[MAX_DEPTH]
+    capacity, deepest = state.rule[0].leaf_capacity, 8 ** state.rule[0].max_depth
     families: dict[int, list[int]] = {}
     for leaf in leaves:
-        if nodes[leaf, PLACE] < deepest:
+        if nodes[leaf].place < deepest:
             held = {int(world.owners[i]) for i in members[leaf]}
             demand(len(held) <= capacity, f"leaf {leaf} should be split")
-        families.setdefault(int(nodes[leaf, PARENT]), []).append(leaf)
+        families.setdefault(int(nodes[leaf].parent), []).append(leaf)
     for parent, children in families.items():
         if len(children) == 8:
             together = {
@@ -238,7 +220,7 @@ def check_slack(
     low = np.array([cells[leaf][:3] for leaf in leaves])
     high = np.array([cells[leaf][3:] for leaf in leaves])
     for i in range(len(state.anchors)):
-        if state.residency[i, STATUS] in (ABSENT, OVERFLOWED):
+        if state.residency[i].status in (ABSENT, OVERFLOWED):
             continue
         moved = displacement(int(world.kinds[i]), state.anchors[i], world.rows[i])
         promise = state.slack[i] - moved

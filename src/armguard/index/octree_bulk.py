@@ -25,22 +25,7 @@ from armguard.index.octree_cell import (
 )
 from armguard.index.octree_lists import link_entry, take_block
 from armguard.index.octree_shape import merge_below
-from armguard.index.octree_state import (
-    ABSENT,
-    COUNT,
-    DIVIDED,
-    DROPPED,
-    FREE_ENTRIES,
-    INDEXED,
-    LEAF_CAPACITY,
-    LINK,
-    MAX_DEPTH,
-    NONE,
-    PLACE,
-    STATUS,
-    TOKEN,
-    OctreeState,
-)
+from armguard.index.octree_state import ABSENT, DIVIDED, INDEXED, NONE, OctreeState
 from armguard.index.octree_update import find_leaves
 from armguard.index.world import World
 from armguard.kernel import kernel
@@ -119,11 +104,11 @@ def build_tree(
     Returns:
         BUILT, or the capacity that was too small.
     """
-    nodes, header = state.nodes, state.header
+    nodes, header = state.nodes, state.header[0]
     count = 0
     for i in range(present.shape[0]):
         if present[i]:
-            state.residency[i, STATUS] = INDEXED
+            state.residency[i].status = INDEXED
             lists[count] = i
             count += 1
     frames[0, 0], frames[0, 1], frames[0, 2] = 0, 0, count
@@ -132,7 +117,7 @@ def build_tree(
         height -= 1
         node, start, length = frames[height, 0], frames[height, 1], frames[height, 2]
         if not list_is_long(node, start, length, lists, world, state):
-            if header[FREE_ENTRIES] < length:
+            if header.free_entries < length:
                 return ENTRIES_SHORT
             for k in range(start, start + length):
                 link_entry(lists[k], node, state)
@@ -140,14 +125,14 @@ def build_tree(
         first = take_block(node, state)
         if first == NONE:
             return NODES_SHORT
-        nodes[node, LINK], nodes[node, COUNT] = first, DIVIDED
+        nodes[node].link, nodes[node].members = first, DIVIDED
         for c in range(8):
             frames[height + c, 0], frames[height + c, 2] = first + c, 0
         choose_children(node, start, length, clear, world, state, lists, masks)
         if not share_list(start, length, masks, lists, frames[height : height + 8]):
             return LISTS_SHORT
         height += 8
-    if header[DROPPED]:
+    if header.dropped:
         merge_below(0, world, state)
     settle(world, state)
     return BUILT
@@ -194,11 +179,14 @@ def list_is_long(
     node: int, start: int, length: int, lists: Ints, world: World, state: OctreeState
 ) -> bool:
     """Whether a list has ids of more than N objects, and its node may be divided."""
-    most = state.rule[LEAF_CAPACITY]
-    if length <= most or not depth_of(state.nodes[node, PLACE]) < state.rule[MAX_DEPTH]:
+    most = state.rule[0].leaf_capacity
+    if (
+        length <= most
+        or not depth_of(state.nodes[node].place) < state.rule[0].max_depth
+    ):
         return False
-    state.header[TOKEN] += 1
-    token = state.header[TOKEN]
+    state.header[0].token += 1
+    token = state.header[0].token
     known = 0
     for k in range(start, start + length):
         owner = world.owners[lists[k]]
@@ -222,7 +210,7 @@ def choose_children(
     masks: Bytes,
 ) -> None:
     """Write the children that each id of a list overlaps, child c as bit c."""
-    place = state.nodes[node, PLACE]
+    place = state.nodes[node].place
     x0, y0, z0, x1, y1, z1 = cell_at(place, state.cube)
     _, _, _, mx, my, mz = cell_at(place << 3, state.cube)
     border = border_of(place)
@@ -257,7 +245,7 @@ def choose_children(
             mask = test_children(i, mask, place, clear, world, state)
             if mask == 0:
                 # It touches the cell and none of its eighths, by rounding.
-                state.header[DROPPED] = 1
+                state.header[0].dropped = 1
         masks[k] = mask
 
 
@@ -380,5 +368,5 @@ def settle(world: World, state: OctreeState) -> None:
     for i in range(state.anchors.shape[0]):
         state.anchors[i] = world.rows[i]
         state.slack[i] = 0.0
-        if state.residency[i, STATUS] != ABSENT:
+        if state.residency[i].status != ABSENT:
             _, state.slack[i] = find_leaves(i, 0, np.inf, world, state)

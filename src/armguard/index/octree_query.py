@@ -4,23 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.index.octree_cell import cell_at
-from armguard.index.octree_state import (
-    ABSENT,
-    COUNT,
-    DIVIDED,
-    FIRST_ENTRY,
-    IN_LEAF,
-    LINK,
-    NEXT_IN_LEAF,
-    NEXT_OF_PRIMITIVE,
-    NONE,
-    OVERFLOW_COUNT,
-    PLACE,
-    PRIMITIVE,
-    STATUS,
-    OctreeState,
-)
+from armguard.index.octree_state import ABSENT, DIVIDED, NONE, OctreeState, Residency
 from armguard.kernel import kernel
+from armguard.record import Records
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -43,22 +29,22 @@ def octree_candidates(
     Returns:
         Number of ids in `out`.
     """
-    if state.header[OVERFLOW_COUNT] > 0:
+    if state.header[0].overflow_count > 0:
         return int(present_primitives(i, state.residency, out))
     entries, nodes = state.entries, state.nodes
     count = 0
     seen[i] = token
-    mine = state.residency[i, FIRST_ENTRY]
+    mine = state.residency[i].first_entry
     while mine != NONE:
-        entry = nodes[entries[mine, IN_LEAF], LINK]
+        entry = nodes[entries[mine].leaf].link
         while entry != NONE:
-            j = entries[entry, PRIMITIVE]
+            j = entries[entry].primitive
             if seen[j] != token:
                 seen[j] = token
                 out[count] = j
                 count += 1
-            entry = entries[entry, NEXT_IN_LEAF]
-        mine = entries[mine, NEXT_OF_PRIMITIVE]
+            entry = entries[entry].next_in_leaf
+        mine = entries[mine].next_of_primitive
     return count
 
 
@@ -82,7 +68,7 @@ def primitives_in_box(
     Returns:
         Number of ids in `out`.
     """
-    if state.header[OVERFLOW_COUNT] > 0:
+    if state.header[0].overflow_count > 0:
         return int(present_primitives(i, state.residency, out))
     for k in range(3):
         low, high = state.cube[0, k], state.cube[0, k] + state.cube[1, k]
@@ -97,7 +83,7 @@ def primitives_in_box(
     while height > 0:
         height -= 1
         node = stack[height]
-        cell = cell_at(nodes[node, PLACE], state.cube)
+        cell = cell_at(nodes[node].place, state.cube)
         if not (
             cell[0] <= box[3]
             and cell[1] <= box[4]
@@ -107,19 +93,19 @@ def primitives_in_box(
             and cell[5] >= box[2]
         ):
             continue
-        if nodes[node, COUNT] == DIVIDED:
+        if nodes[node].members == DIVIDED:
             for c in range(8):
-                stack[height] = nodes[node, LINK] + c
+                stack[height] = nodes[node].link + c
                 height += 1
             continue
-        entry = nodes[node, LINK]
+        entry = nodes[node].link
         while entry != NONE:
-            j = entries[entry, PRIMITIVE]
+            j = entries[entry].primitive
             if seen[j] != token:
                 seen[j] = token
                 out[count] = j
                 count += 1
-            entry = entries[entry, NEXT_IN_LEAF]
+            entry = entries[entry].next_in_leaf
     return count
 
 
@@ -127,24 +113,24 @@ def primitives_in_box(
 def candidate_bound(i: int, state: OctreeState) -> int:
     """Upper bound of the number of candidates of primitive i."""
     everyone = int(state.residency.shape[0])
-    if state.header[OVERFLOW_COUNT] > 0:
+    if state.header[0].overflow_count > 0:
         return everyone
     members = 0
-    mine = state.residency[i, FIRST_ENTRY]
+    mine = state.residency[i].first_entry
     while mine != NONE:
-        members += state.nodes[state.entries[mine, IN_LEAF], COUNT]
-        mine = state.entries[mine, NEXT_OF_PRIMITIVE]
+        members += state.nodes[state.entries[mine].leaf].members
+        mine = state.entries[mine].next_of_primitive
     return int(min(members, everyone))
 
 
 @kernel(entry=True)
-def present_primitives(i: int, residency: Ints, out: Ints) -> int:
+def present_primitives(i: int, residency: Records[Residency], out: Ints) -> int:
     """Write all primitives in the index except i: the candidates of brute force.
 
     Args:
         i: The primitive.
-        residency: Residency of the primitives, of which only STATUS is read, shape
-            (p, RESIDENCY_WIDTH).
+        residency: Residency of the primitives, of which only the status is read, shape
+            (p,).
         out: Ids, overwritten, shape (p,).
 
     Returns:
@@ -152,7 +138,7 @@ def present_primitives(i: int, residency: Ints, out: Ints) -> int:
     """
     count = 0
     for j in range(residency.shape[0]):
-        if j != i and residency[j, STATUS] != ABSENT:
+        if j != i and residency[j].status != ABSENT:
             out[count] = j
             count += 1
     return count

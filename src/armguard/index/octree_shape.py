@@ -9,26 +9,7 @@ from armguard.index.octree_lists import (
     take_block,
     take_entry_back,
 )
-from armguard.index.octree_state import (
-    COUNT,
-    COUNT_MERGES,
-    COUNT_SPLITS,
-    COUNT_UNSPLIT,
-    COUNT_VISITED,
-    DIVIDED,
-    DROPPED,
-    FREE_ENTRIES,
-    LEAF_CAPACITY,
-    LINK,
-    MAX_DEPTH,
-    NEXT_IN_LEAF,
-    NONE,
-    PARENT,
-    PLACE,
-    PRIMITIVE,
-    TOKEN,
-    OctreeState,
-)
+from armguard.index.octree_state import DIVIDED, NONE, OctreeState
 from armguard.index.world import World
 from armguard.kernel import kernel
 
@@ -37,7 +18,7 @@ from armguard.kernel import kernel
 def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
     """Split a leaf, and its children, until the rule holds."""
     stack = state.stack
-    state.header[DROPPED] = 0
+    state.header[0].dropped = 0
     stack[0] = leaf
     height = 1
     while height > 0:
@@ -47,12 +28,12 @@ def split_as_needed(leaf: int, world: World, state: OctreeState) -> None:
             continue
         first = split(node, world, state)
         if first == NONE:
-            state.counters[COUNT_UNSPLIT] += 1
+            state.counters[0].unsplit += 1
             continue
         for c in range(8):
             stack[height] = first + c
             height += 1
-    if state.header[DROPPED]:
+    if state.header[0].dropped:
         merge_below(leaf, world, state)
 
 
@@ -71,12 +52,12 @@ def merge_below(top: int, world: World, state: OctreeState) -> None:
         height -= 1
         node = stack[height]
         # A leaf; or a node that a merge further up has freed in the meantime.
-        if nodes[node, COUNT] != DIVIDED:
+        if nodes[node].members != DIVIDED:
             continue
         merge_upwards(node, world, state)
-        if nodes[node, COUNT] == DIVIDED:
+        if nodes[node].members == DIVIDED:
             for c in range(8):
-                stack[height] = nodes[node, LINK] + c
+                stack[height] = nodes[node].link + c
                 height += 1
 
 
@@ -86,13 +67,13 @@ def must_split(leaf: int, world: World, state: OctreeState) -> bool:
 
     False for a node that is divided already.
     """
-    nodes, rule = state.nodes, state.rule
-    if not nodes[leaf, COUNT] > rule[LEAF_CAPACITY]:
+    nodes, rule = state.nodes, state.rule[0]
+    if not nodes[leaf].members > rule.leaf_capacity:
         return False
-    if not depth_of(nodes[leaf, PLACE]) < rule[MAX_DEPTH]:
+    if not depth_of(nodes[leaf].place) < rule.max_depth:
         return False
-    state.header[TOKEN] += 1
-    return bool(count_owners(leaf, 0, world, state) > rule[LEAF_CAPACITY])
+    state.header[0].token += 1
+    return bool(count_owners(leaf, 0, world, state) > rule.leaf_capacity)
 
 
 @kernel
@@ -105,14 +86,14 @@ def count_owners(leaf: int, known: int, world: World, state: OctreeState) -> int
         world: The primitives.
         state: The octree.
     """
-    token = state.header[TOKEN]
-    entry = state.nodes[leaf, LINK]
+    token = state.header[0].token
+    entry = state.nodes[leaf].link
     while entry != NONE:
-        owner = world.owners[state.entries[entry, PRIMITIVE]]
+        owner = world.owners[state.entries[entry].primitive]
         if state.owner_marks[owner] != token:
             state.owner_marks[owner] = token
             known += 1
-        entry = state.entries[entry, NEXT_IN_LEAF]
+        entry = state.entries[entry].next_in_leaf
     return known
 
 
@@ -125,17 +106,17 @@ def split(node: int, world: World, state: OctreeState) -> int:
     """
     nodes, entries = state.nodes, state.entries
     # Each member keeps its entry, and needs up to seven more.
-    if state.header[FREE_ENTRIES] < 7 * nodes[node, COUNT]:
+    if state.header[0].free_entries < 7 * nodes[node].members:
         return NONE
     first = take_block(node, state)
     if first == NONE:
         return NONE
-    entry = nodes[node, LINK]
-    nodes[node, LINK] = first
-    nodes[node, COUNT] = DIVIDED
+    entry = nodes[node].link
+    nodes[node].link = first
+    nodes[node].members = DIVIDED
     while entry != NONE:
-        after = entries[entry, NEXT_IN_LEAF]
-        i = entries[entry, PRIMITIVE]
+        after = entries[entry].next_in_leaf
+        i = entries[entry].primitive
         anchored = i < state.anchors.shape[0]
         moved = 0.0
         if anchored:
@@ -143,7 +124,7 @@ def split(node: int, world: World, state: OctreeState) -> int:
             moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
         linked = 0
         for c in range(8):
-            gap = grown_gap(i, nodes[first + c, PLACE], world, state)
+            gap = grown_gap(i, nodes[first + c].place, world, state)
             if anchored:
                 state.slack[i] = min(state.slack[i], abs(gap) - moved)
             if gap > 0.0:
@@ -155,10 +136,10 @@ def split(node: int, world: World, state: OctreeState) -> int:
             linked += 1
         if linked == 0:
             take_entry_back(entry, state)
-            state.header[DROPPED] = 1
+            state.header[0].dropped = 1
         entry = after
-    state.counters[COUNT_SPLITS] += 1
-    state.counters[COUNT_VISITED] += 8
+    state.counters[0].splits += 1
+    state.counters[0].visited += 8
     return int(first)
 
 
@@ -167,24 +148,24 @@ def merge_upwards(node: int, world: World, state: OctreeState) -> None:
     """Merge a node's eight leaves if they hold at most N objects, then its parent's."""
     while node != NONE and mergeable(node, world, state):
         merge(node, state)
-        node = state.nodes[node, PARENT]
+        node = state.nodes[node].parent
 
 
 @kernel
 def mergeable(node: int, world: World, state: OctreeState) -> bool:
     """Whether a node has eight leaves that together hold at most N objects."""
     nodes = state.nodes
-    if nodes[node, COUNT] != DIVIDED:
+    if nodes[node].members != DIVIDED:
         return False
-    first = nodes[node, LINK]
+    first = nodes[node].link
     for c in range(8):
-        if nodes[first + c, COUNT] == DIVIDED:
+        if nodes[first + c].members == DIVIDED:
             return False
-    state.header[TOKEN] += 1
+    state.header[0].token += 1
     objects = 0
     for c in range(8):
         objects = count_owners(first + c, objects, world, state)
-        if objects > state.rule[LEAF_CAPACITY]:
+        if objects > state.rule[0].leaf_capacity:
             return False
     return True
 
@@ -192,21 +173,21 @@ def mergeable(node: int, world: World, state: OctreeState) -> bool:
 @kernel(inline=False)
 def merge(node: int, state: OctreeState) -> None:
     """Replace a node's eight leaves by one leaf with their members, each once."""
-    nodes, entries, header = state.nodes, state.entries, state.header
-    first = nodes[node, LINK]
-    nodes[node, LINK] = NONE
-    nodes[node, COUNT] = 0
-    header[TOKEN] += 1
+    nodes, entries, header = state.nodes, state.entries, state.header[0]
+    first = nodes[node].link
+    nodes[node].link = NONE
+    nodes[node].members = 0
+    header.token += 1
     for c in range(8):
-        entry = nodes[first + c, LINK]
+        entry = nodes[first + c].link
         while entry != NONE:
-            after = entries[entry, NEXT_IN_LEAF]
-            i = entries[entry, PRIMITIVE]
-            if state.primitive_marks[i] == header[TOKEN]:
+            after = entries[entry].next_in_leaf
+            i = entries[entry].primitive
+            if state.primitive_marks[i] == header.token:
                 take_entry_back(entry, state)
             else:
-                state.primitive_marks[i] = header[TOKEN]
+                state.primitive_marks[i] = header.token
                 hang_entry(entry, node, state)
             entry = after
     free_block(first, state)
-    state.counters[COUNT_MERGES] += 1
+    state.counters[0].merges += 1

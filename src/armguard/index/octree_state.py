@@ -1,70 +1,28 @@
-"""State of the N-objects octree: its arrays and their places."""
+"""State of the N-objects octree."""
 
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector
+from armguard.record import Records, Short, record, records
+from armguard.table import IntVector, LongVector, Matrix, Vector
 
-# nodes: one row a node; children are blocks of eight, child c at first + c with bit 0
-# of c for the upper half in x, bit 1 in y, bit 2 in z.
-LINK = 0  # of a leaf, the first entry of its list; of a divided node, its first child
-PARENT = 1  # NONE for the root; in a free block, the next free block
-COUNT = 2  # number of members of a leaf; DIVIDED; FREE
-PLACE = 3  # code of the cell: 1 for the root, 8 · place + c for child c of a node
-NODE_WIDTH = 4
-
-DIVIDED = -1
-FREE = -2
+# Ends of lists; the parent of the root.
 NONE = -1
 
-# Mark in COUNT of the leaves that a search has found, until they are entered.
+# In place of the number of members of a leaf.
+DIVIDED = -1
+FREE = -2
+
+# Mark in the number of members of leaves that a search has found, until these are
+# entered.
 FOUND = 1 << 30
 
-# entries: one row for each primitive in each leaf.
-PRIMITIVE = 0
-IN_LEAF = 1
-NEXT_IN_LEAF = 2  # in a free entry, the next free entry
-NEXT_OF_PRIMITIVE = 3
-PREVIOUS_OF_PRIMITIVE = 4
-ENTRY_WIDTH = 5
-
-# residency: one row a primitive.
-FIRST_ENTRY = 0
-STATUS = 1
-RESIDENCY_WIDTH = 2
-
+# Status of a primitive.
 ABSENT = 0  # not in the tree
 INDEXED = 1  # in every leaf it overlaps
 OVERFLOWED = 2  # no entry was left; all are candidates until it fits again
-
-# rule: the decomposition rule.
-LEAF_CAPACITY = 0  # the paper's N, in objects
-MAX_DEPTH = 1
-RULE_WIDTH = 2
-
-# header
-FREE_BLOCK = 0  # head of the list of free blocks, NONE if empty
-NODES_USED = 1  # nodes below this were handed out at least once
-FREE_ENTRY = 2
-ENTRIES_USED = 3
-FREE_ENTRIES = 4  # entries that can still be handed out
-TOKEN = 5  # grows with every search, so that marks are never cleared
-OVERFLOW_COUNT = 6  # primitives that are OVERFLOWED
-DROPPED = 7  # 1 if a split found a member that is in none of the children
-HEADER_WIDTH = 8
-
-# counters: they only grow; their difference over a cycle is the work of the cycle.
-COUNT_ENTERED = 0
-COUNT_LEFT = 1
-COUNT_SPLITS = 2
-COUNT_MERGES = 3
-COUNT_VISITED = 4  # cells tested against a primitive
-COUNT_EVALUATED = 5  # updates that searched the tree
-COUNT_SKIPPED = 6  # updates that the slack proved unnecessary
-COUNT_UNSPLIT = 7  # splits without room; the leaf stays, correct but long
-COUNTER_WIDTH = 8
 
 # Greatest depth: a leaf of a ten metre cube is then 1 cm, and a deeper place exceeds 32
 # bits [-].
@@ -72,6 +30,122 @@ DEPTH_LIMIT = 10
 
 # A walk pushes eight children and takes one of them before it pushes the next eight.
 STACK_ROOM = 8 + 7 * DEPTH_LIMIT
+
+
+@record
+class Node:
+    """Node of the tree.
+
+    Children are blocks of eight, child c at the first + c with bit 0 of c for the upper
+    half in x, bit 1 in y, bit 2 in z.
+
+    Attributes:
+        link: Of a leaf, the first entry of its list; of a divided node, its first
+            child.
+        parent: NONE for the root; in a free block, the next free block.
+        members: Number of members of a leaf; DIVIDED; FREE.
+        place: Code of the cell: 1 for the root, 8 · place + c for child c of a node.
+    """
+
+    link: Short
+    parent: Short
+    members: Short
+    place: Short
+
+
+@record
+class Entry:
+    """A primitive in a leaf.
+
+    Attributes:
+        primitive: The primitive; NONE in an entry that was freed.
+        leaf: The leaf.
+        next_in_leaf: Next entry of the leaf; in a free entry, the next free entry.
+        next_of_primitive: Next entry of the primitive.
+        previous_of_primitive: Previous entry of the primitive.
+    """
+
+    primitive: Short
+    leaf: Short
+    next_in_leaf: Short
+    next_of_primitive: Short
+    previous_of_primitive: Short
+
+
+@record
+class Residency:
+    """Entries and status of a primitive.
+
+    Attributes:
+        first_entry: First entry of the primitive.
+        status: ABSENT, INDEXED or OVERFLOWED.
+    """
+
+    first_entry: Short
+    status: Short
+
+
+@record
+class Rule:
+    """Decomposition rule.
+
+    Attributes:
+        leaf_capacity: The paper's N, in objects.
+        max_depth: Depth at which a leaf is not split.
+    """
+
+    leaf_capacity: int
+    max_depth: int
+
+
+@record
+class Header:
+    """Free lists and tokens of a tree.
+
+    Attributes:
+        free_block: Head of the list of free blocks, NONE if empty.
+        nodes_used: Nodes below this were handed out at least once.
+        free_entry: Head of the list of free entries, NONE if empty.
+        entries_used: Entries below this were handed out at least once.
+        free_entries: Entries that can still be handed out.
+        token: Grows with every search, so that marks are never cleared.
+        overflow_count: Primitives that are OVERFLOWED.
+        dropped: 1 if a split found a member that is in none of the children.
+    """
+
+    free_block: int
+    nodes_used: int
+    free_entry: int
+    entries_used: int
+    free_entries: int
+    token: int
+    overflow_count: int
+    dropped: int
+
+
+@record
+class Counters:
+    """Operations of a tree; a cycle's work is the growth of the counts over the cycle.
+
+    Attributes:
+        entered: Leaves entered.
+        left: Leaves left.
+        splits: Splits.
+        merges: Merges.
+        visited: Cells tested against a primitive.
+        evaluated: Updates that searched the tree.
+        skipped: Updates that the slack proved unnecessary.
+        unsplit: Splits without room; the leaf stays, correct but long.
+    """
+
+    entered: int
+    left: int
+    splits: int
+    merges: int
+    visited: int
+    evaluated: int
+    skipped: int
+    unsplit: int
 
 
 class OctreeState(NamedTuple):
@@ -82,39 +156,39 @@ class OctreeState(NamedTuple):
     all moving ones, have an anchor and a slack.
 
     Attributes:
-        nodes: Topology, see LINK, shape (n, NODE_WIDTH).
+        nodes: Topology, shape (n,).
         cube: Lower corner and edges of the root, shape (2, 3) [m].
-        entries: Lists of the leaves, see PRIMITIVE, shape (e, ENTRY_WIDTH).
-        residency: Entries and status of each primitive, shape (p, RESIDENCY_WIDTH).
+        entries: Lists of the leaves, shape (e,).
+        residency: Entries and status of each primitive, shape (p,).
         anchors: Row of each primitive when its leaves were determined, (a, 16).
         slack: Displacement of its points from the anchor up to which its leaves are
             unchanged, shape (a,) [m].
         primitive_marks: Scratch, one token a primitive, shape (p,).
         owner_marks: Scratch, one token an object, shape (p,).
-        rule: N and the depth limit, shape (RULE_WIDTH,).
+        rule: Decomposition rule, shape (1,).
         stack: Scratch for walks, shape (STACK_ROOM,).
         found: Scratch for the leaves of a primitive, shape (f,).
         left: Scratch for the parents of leaves that a primitive left, shape (f,).
         box: Scratch for a bounding box, shape (6,) [m].
-        header: Free lists and tokens, see FREE_BLOCK, shape (HEADER_WIDTH,).
-        counters: Counts of operations, see COUNT_ENTERED, shape (COUNTER_WIDTH,).
+        header: Free lists and tokens, shape (1,).
+        counters: Counts of operations, shape (1,).
     """
 
-    nodes: IntMatrix
+    nodes: Annotated[Records[Node], 1]
     cube: Matrix
-    entries: IntMatrix
-    residency: IntMatrix
+    entries: Annotated[Records[Entry], 1]
+    residency: Annotated[Records[Residency], 1]
     anchors: Matrix
     slack: Vector
     primitive_marks: LongVector
     owner_marks: LongVector
-    rule: LongVector
+    rule: Annotated[Records[Rule], 1]
     stack: IntVector
     found: IntVector
     left: IntVector
     box: Vector
-    header: LongVector
-    counters: LongVector
+    header: Annotated[Records[Header], 1]
+    counters: Annotated[Records[Counters], 1]
 
 
 def empty_state(
@@ -140,23 +214,22 @@ def empty_state(
         entry_capacity: Greatest number of entries, and of leaves that a search finds.
         anchor_count: Number of primitives that have an anchor; all if None.
     """
-    nodes = np.zeros((node_capacity, NODE_WIDTH), dtype=np.int32)
+    nodes, rule, header = (
+        records(node_capacity, Node),
+        records(1, Rule),
+        records(1, Header),
+    )
     nodes[0] = (NONE, NONE, 0, 1)
-    rule = np.zeros(RULE_WIDTH, dtype=np.int64)
-    rule[LEAF_CAPACITY] = leaf_capacity
-    rule[MAX_DEPTH] = max_depth
-    header = np.zeros(HEADER_WIDTH, dtype=np.int64)
-    header[FREE_BLOCK] = NONE
-    header[NODES_USED] = 1
-    header[FREE_ENTRY] = NONE
-    header[FREE_ENTRIES] = entry_capacity
-    residency = np.zeros((primitive_count, RESIDENCY_WIDTH), dtype=np.int32)
-    residency[:, FIRST_ENTRY] = NONE
+    rule[0] = (leaf_capacity, max_depth)
+    header.free_block = header.free_entry = NONE
+    header.nodes_used, header.free_entries = 1, entry_capacity
+    residency = records(primitive_count, Residency)
+    residency.first_entry = NONE
     anchored = primitive_count if anchor_count is None else anchor_count
     return OctreeState(
         nodes=nodes,
         cube=np.array([low, high - low], dtype=np.float64),
-        entries=np.zeros((entry_capacity, ENTRY_WIDTH), dtype=np.int32),
+        entries=records(entry_capacity, Entry),
         residency=residency,
         anchors=np.zeros((anchored, 16)),
         slack=np.zeros(anchored),
@@ -168,7 +241,7 @@ def empty_state(
         left=np.zeros(entry_capacity, dtype=np.int32),
         box=np.zeros(6),
         header=header,
-        counters=np.zeros(COUNTER_WIDTH, dtype=np.int64),
+        counters=records(1, Counters),
     )
 
 
@@ -182,19 +255,21 @@ def state_with_room(
         spare_nodes: Number of further nodes.
         spare_entries: Number of further entries, and of leaves that a search finds.
     """
-    header = state.header.copy()
-    header[FREE_ENTRIES] += header[ENTRIES_USED] + spare_entries - len(state.entries)
+    rows: Any = state.header
+    header = rows.copy()
+    used = int(header[0].entries_used)
+    header.free_entries += used + spare_entries - state.entries.shape[0]
     return state._replace(
-        nodes=enlarged(state.nodes[: header[NODES_USED]], spare_nodes),
-        entries=enlarged(state.entries[: header[ENTRIES_USED]], spare_entries),
+        nodes=enlarged(state.nodes, int(header[0].nodes_used), spare_nodes),
+        entries=enlarged(state.entries, used, spare_entries),
         found=np.zeros(spare_entries, dtype=np.int32),
         left=np.zeros(spare_entries, dtype=np.int32),
         header=header,
     )
 
 
-def enlarged(rows: NDArray[np.int32], spare: int) -> NDArray[np.int32]:
-    """Copy of a matrix with further rows of zeros."""
-    copy = np.zeros((len(rows) + spare, rows.shape[1]), dtype=np.int32)
-    copy[: len(rows)] = rows
+def enlarged(rows: Any, used: int, spare: int) -> Any:
+    """Copy of the used rows of records, with further rows of zeros."""
+    copy = np.zeros(used + spare, dtype=rows.dtype).view(np.recarray)
+    copy[:used] = rows[:used]
     return copy

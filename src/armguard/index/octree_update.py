@@ -10,26 +10,11 @@ from armguard.index.octree_lists import free_entry, link_entry
 from armguard.index.octree_shape import merge_upwards, split_as_needed
 from armguard.index.octree_state import (
     ABSENT,
-    COUNT,
-    COUNT_ENTERED,
-    COUNT_EVALUATED,
-    COUNT_LEFT,
-    COUNT_SKIPPED,
-    COUNT_VISITED,
     DIVIDED,
-    FIRST_ENTRY,
     FOUND,
-    FREE_ENTRIES,
-    IN_LEAF,
     INDEXED,
-    LINK,
-    NEXT_OF_PRIMITIVE,
     NONE,
-    OVERFLOW_COUNT,
     OVERFLOWED,
-    PARENT,
-    PLACE,
-    STATUS,
     OctreeState,
 )
 from armguard.index.world import World
@@ -49,12 +34,12 @@ def octree_update(i: int, world: World, state: OctreeState) -> None:
     While no point of its core has moved farther than the slack, every cell stays on its
     side and nothing changes. A primitive without an anchor is always searched again.
     """
-    if state.residency[i, STATUS] == ABSENT:
+    if state.residency[i].status == ABSENT:
         return
-    if i < state.anchors.shape[0] and state.residency[i, STATUS] == INDEXED:
+    if i < state.anchors.shape[0] and state.residency[i].status == INDEXED:
         moved = displacement(world.kinds[i], state.anchors[i], world.rows[i])
         if moved + ROUNDING < state.slack[i]:
-            state.counters[COUNT_SKIPPED] += 1
+            state.counters[0].skipped += 1
             return
     relocate(i, world, state)
 
@@ -62,18 +47,18 @@ def octree_update(i: int, world: World, state: OctreeState) -> None:
 @kernel(entry=True)
 def octree_insert(i: int, world: World, state: OctreeState) -> None:
     """Add primitive i to the tree at its present row."""
-    if state.residency[i, STATUS] != ABSENT:
+    if state.residency[i].status != ABSENT:
         return
-    state.residency[i, STATUS] = INDEXED
+    state.residency[i].status = INDEXED
     relocate(i, world, state)
 
 
 @kernel(entry=True)
 def octree_remove(i: int, world: World, state: OctreeState) -> None:
     """Remove primitive i from the tree."""
-    if state.residency[i, STATUS] == OVERFLOWED:
-        state.header[OVERFLOW_COUNT] -= 1
-    state.residency[i, STATUS] = ABSENT
+    if state.residency[i].status == OVERFLOWED:
+        state.header[0].overflow_count -= 1
+    state.residency[i].status = ABSENT
     withdraw(i, world, state)
 
 
@@ -83,13 +68,13 @@ def withdraw(i: int, world: World, state: OctreeState) -> None:
 
     A merge may free entries of i, so the first entry is looked up every time.
     """
-    entry = state.residency[i, FIRST_ENTRY]
+    entry = state.residency[i].first_entry
     while entry != NONE:
-        parent = state.nodes[state.entries[entry, IN_LEAF], PARENT]
+        parent = state.nodes[state.entries[entry].leaf].parent
         free_entry(entry, state)
-        state.counters[COUNT_LEFT] += 1
+        state.counters[0].left += 1
         merge_upwards(parent, world, state)
-        entry = state.residency[i, FIRST_ENTRY]
+        entry = state.residency[i].first_entry
 
 
 @kernel(inline=False)
@@ -101,7 +86,7 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
     that the primitive overlaps. A large displacement climbs to the root.
     """
     nodes, leaves = state.nodes, state.found
-    state.counters[COUNT_EVALUATED] += 1
+    state.counters[0].evaluated += 1
     if not few_leaves(i, state):
         withdraw(i, world, state)
     start, slack = search_root(i, world, state)
@@ -115,19 +100,19 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
     # i leaves its leaves without a mark, and enters marked leaves that are not its own
     # yet. All marks are removed before any split or merge.
     for k in range(found):
-        nodes[leaves[k], COUNT] += FOUND
+        nodes[leaves[k]].members += FOUND
     left, kept = leave_unmarked(i, state)
-    fits = found - kept <= state.header[FREE_ENTRIES]
+    fits = found - kept <= state.header[0].free_entries
     for k in range(found):
         leaf = leaves[k]
-        if nodes[leaf, COUNT] >= FOUND:
-            nodes[leaf, COUNT] -= FOUND
+        if nodes[leaf].members >= FOUND:
+            nodes[leaf].members -= FOUND
             if fits:
                 link_entry(i, leaf, state)
-                state.counters[COUNT_ENTERED] += 1
-    if fits and state.residency[i, STATUS] == OVERFLOWED:
-        state.residency[i, STATUS] = INDEXED
-        state.header[OVERFLOW_COUNT] -= 1
+                state.counters[0].entered += 1
+    if fits and state.residency[i].status == OVERFLOWED:
+        state.residency[i].status = INDEXED
+        state.header[0].overflow_count -= 1
     # Enter, leave, split, merge: in another order a small step would merge leaves that
     # the next line splits again.
     if fits:
@@ -143,12 +128,12 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
 def few_leaves(i: int, state: OctreeState) -> bool:
     """Whether `left` has room for the parents of all leaves of primitive i."""
     count = 0
-    entry = state.residency[i, FIRST_ENTRY]
+    entry = state.residency[i].first_entry
     while entry != NONE:
         count += 1
         if count > state.left.shape[0]:
             return False
-        entry = state.entries[entry, NEXT_OF_PRIMITIVE]
+        entry = state.entries[entry].next_of_primitive
     return True
 
 
@@ -160,19 +145,19 @@ def search_root(i: int, world: World, state: OctreeState) -> tuple[int, float]:
         The node, and the distance of i from its faces [m]: cells beyond them are not
         searched, so this distance bounds the slack.
     """
-    entry = state.residency[i, FIRST_ENTRY]
+    entry = state.residency[i].first_entry
     if entry == NONE:
         return 0, np.inf
     room = world.growth[i]
     row_bounds(world.kinds[i], world.rows[i], room, state.box)
-    node = int(state.entries[entry, IN_LEAF])
+    node = int(state.entries[entry].leaf)
     while True:
-        inside = room_inside(state.nodes[node, PLACE], state.box, state.cube)
+        inside = room_inside(state.nodes[node].place, state.box, state.cube)
         if inside > room:
             return node, float(inside)
-        if state.nodes[node, PARENT] == NONE:
+        if state.nodes[node].parent == NONE:
             return node, np.inf
-        node = int(state.nodes[node, PARENT])
+        node = int(state.nodes[node].parent)
 
 
 @kernel
@@ -217,20 +202,20 @@ def find_leaves(
     while height > 0:
         height -= 1
         node = stack[height]
-        gap = grown_gap(i, nodes[node, PLACE], world, state)
+        gap = grown_gap(i, nodes[node].place, world, state)
         visited += 1
         if gap > 0.0:
             slack = min(slack, gap)
-        elif nodes[node, COUNT] == DIVIDED:
+        elif nodes[node].members == DIVIDED:
             for c in range(8):
-                stack[height] = nodes[node, LINK] + c
+                stack[height] = nodes[node].link + c
                 height += 1
         else:
             slack = min(slack, -gap)
             if found < state.found.shape[0]:
                 state.found[found] = node
             found += 1
-    state.counters[COUNT_VISITED] += visited
+    state.counters[0].visited += visited
     return found, slack
 
 
@@ -244,26 +229,26 @@ def leave_unmarked(i: int, state: OctreeState) -> tuple[int, int]:
     nodes, entries = state.nodes, state.entries
     left = 0
     kept = 0
-    entry = state.residency[i, FIRST_ENTRY]
+    entry = state.residency[i].first_entry
     while entry != NONE:
-        after = entries[entry, NEXT_OF_PRIMITIVE]
-        leaf = entries[entry, IN_LEAF]
-        if nodes[leaf, COUNT] >= FOUND:
-            nodes[leaf, COUNT] -= FOUND
+        after = entries[entry].next_of_primitive
+        leaf = entries[entry].leaf
+        if nodes[leaf].members >= FOUND:
+            nodes[leaf].members -= FOUND
             kept += 1
         else:
             free_entry(entry, state)
-            state.left[left] = nodes[leaf, PARENT]
+            state.left[left] = nodes[leaf].parent
             left += 1
         entry = after
-    state.counters[COUNT_LEFT] += left
+    state.counters[0].left += left
     return left, kept
 
 
 @kernel
 def overflow(i: int, world: World, state: OctreeState) -> None:
     """Mark primitive i as overflowed: from now on all primitives are its candidates."""
-    if state.residency[i, STATUS] != OVERFLOWED:
-        state.residency[i, STATUS] = OVERFLOWED
-        state.header[OVERFLOW_COUNT] += 1
+    if state.residency[i].status != OVERFLOWED:
+        state.residency[i].status = OVERFLOWED
+        state.header[0].overflow_count += 1
     withdraw(i, world, state)

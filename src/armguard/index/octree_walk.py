@@ -5,16 +5,7 @@ from numpy.typing import NDArray
 
 from armguard.index.octree_cell import cell_at
 from armguard.index.octree_shape import count_owners
-from armguard.index.octree_state import (
-    COUNT,
-    DIVIDED,
-    FIRST_ENTRY,
-    LINK,
-    NEXT_OF_PRIMITIVE,
-    NONE,
-    TOKEN,
-    OctreeState,
-)
+from armguard.index.octree_state import DIVIDED, NONE, OctreeState
 from armguard.index.world import World
 from armguard.kernel import kernel
 
@@ -40,9 +31,9 @@ def walk_leaves(state: OctreeState, out: Ints) -> int:
     while height > 0:
         height -= 1
         node = stack[height]
-        if nodes[node, COUNT] == DIVIDED:
+        if nodes[node].members == DIVIDED:
             for c in range(8):
-                stack[height] = nodes[node, LINK] + 7 - c
+                stack[height] = nodes[node].link + 7 - c
                 height += 1
         else:
             out[found] = node
@@ -64,7 +55,7 @@ def most_owners(leaves: Ints, world: World, state: OctreeState) -> int:
     """Greatest number of objects in a leaf."""
     most = 0
     for k in range(leaves.shape[0]):
-        state.header[TOKEN] += 1
+        state.header[0].token += 1
         most = max(most, count_owners(leaves[k], 0, world, state))
     return most
 
@@ -75,8 +66,8 @@ def entries_of_moving(world: World, state: OctreeState) -> int:
     count = 0
     for i in range(world.growth.shape[0]):
         if world.growth[i] > 0.0:
-            entry = state.residency[i, FIRST_ENTRY]
+            entry = state.residency[i].first_entry
             while entry != NONE:
                 count += 1
-                entry = state.entries[entry, NEXT_OF_PRIMITIVE]
+                entry = state.entries[entry].next_of_primitive
     return count

@@ -10,7 +10,6 @@ from armguard.errors import OctreeError
 from armguard.geometry.cell_gap import cell_gap
 from armguard.geometry.shapes import ShapeKind
 from armguard.index.octree import Octree
-from armguard.index.octree_state import COUNT
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +42,7 @@ def draw_octree(
             "pictures need matplotlib: pip install 'armguard[plot]'"
         ) from None
     leaves = octree.leaves()
-    cells, counts = octree.cells(leaves), octree.state.nodes[leaves, COUNT]
+    cells, counts = octree.cells(leaves), octree.state.nodes["members"][leaves]
     z = busiest_height(cells) if height is None else height
     figure = Figure(figsize=(14, 7), dpi=90)
     FigureCanvasAgg(figure)

@@ -32,9 +32,7 @@ from armguard.motion.pair_state import (
 )
 from armguard.motion.state import (
     BOX_LEVELS,
-    BUDGET,
     NODES,
-    TESTS,
     Motion,
 )
 from armguard.table import Matrix
@@ -65,7 +63,8 @@ def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, f
     Returns:
         PROVEN, NEEDED, UNSURE or SPENT, and the headroom or deficit [m].
     """
-    m.box_line[0, 0], m.box_line[0, 1] = 0.0, 1.0
+    effort, line = m.effort[0], m.box_line[0]
+    line.middle, line.half = 0.0, 1.0
     for b in range(m.parent.shape[0]):
         m.box_place[0, b], m.box_part[0, b] = 0.0, 1.0
     left = 1
@@ -73,9 +72,9 @@ def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, f
     least = inf
     while left > 0:
         left -= 1
-        if m.effort[TESTS] >= m.effort[BUDGET]:
+        if effort.tests >= effort.budget:
             return (SPENT, -inf)
-        m.effort[TESTS] += BOX_COST
+        effort.tests += BOX_COST
         boxes += 1
         distance, gap, along, nearer = box_gap(left, node, wanted, p, m)
         if not distance >= wanted:
@@ -93,18 +92,16 @@ def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, f
 @kernel
 def halve(box: int, along: int, nearer: float, m: Motion) -> None:
     """Halve a box; the half in which the pair is nearer takes the next place."""
-    m.box_line[box + 1, 0], m.box_line[box + 1, 1] = (
-        m.box_line[box, 0],
-        m.box_line[box, 1],
-    )
+    line, other = m.box_line[box], m.box_line[box + 1]
+    other.middle, other.half = line.middle, line.half
     for b in range(m.parent.shape[0]):
         m.box_place[box + 1, b] = m.box_place[box, b]
         m.box_part[box + 1, b] = m.box_part[box, b]
     if along == LINE:
-        half = 0.5 * m.box_line[box, 1]
-        m.box_line[box, 1] = m.box_line[box + 1, 1] = half
-        m.box_line[box, 0] -= nearer * half
-        m.box_line[box + 1, 0] += nearer * half
+        half = 0.5 * line.half
+        line.half = other.half = half
+        line.middle -= nearer * half
+        other.middle += nearer * half
     else:
         half = 0.5 * m.box_part[box, along]
         m.box_part[box, along] = m.box_part[box + 1, along] = half
@@ -185,7 +182,7 @@ def longest_way(
         LINE, the body of a joint, or NOTHING; and the direction in which the witness
         points approach each other.
     """
-    u, half = m.box_line[box, 0], m.box_line[box, 1]
+    u, half = m.box_line[box].middle, m.box_line[box].half
     most, which, nearer = 0.0, NOTHING, 1.0
     line = 0.0
     for side in range(2):

@@ -7,6 +7,7 @@ each primitive and each joint of its chain; it holds in every configuration.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +20,19 @@ from armguard.scene.tables import SceneTables
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-# Places in an anchor row: a capsule round a primitive, in the frame of its body.
-ANCHOR_A = 0
-ANCHOR_B = 3
-ANCHOR_RADIUS = 6
-ANCHOR_WIDTH = 7
+
+class Anchor(NamedTuple):
+    """Capsule round a primitive, in the frame of its body.
+
+    Attributes:
+        start: First end of its axis, shape (3,) [m].
+        end: Other end of its axis, shape (3,) [m].
+        radius: Radius; infinite for a half-space [m].
+    """
+
+    start: Floats
+    end: Floats
+    radius: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,14 +46,12 @@ class Chains:
         shared: Number of joints that two chains share from the root, shape (b, b).
         levers: Largest distance of a primitive's points from the axis of each joint of
             its chain; 1 for prismatic joints, shape (m, depth) [m].
-        anchors: Capsule round each moving primitive, in its body, shape (m, 7) [m].
     """
 
     joints: Ints
     length: Ints
     shared: Ints
     levers: Floats
-    anchors: Floats
 
 
 def chains(tables: SceneTables) -> Chains:
@@ -59,17 +66,11 @@ def chains(tables: SceneTables) -> Chains:
     joints = np.full((len(parent), max(depth, 1)), -1, dtype=np.int32)
     for body, chain in enumerate(above):
         joints[body, : len(chain)] = chain
-    anchors = np.array(
-        [
-            anchor(int(kind), row)
-            for kind, row in zip(tables.kinds[:m], tables.local_rows[:m], strict=True)
-        ]
-    ).reshape(-1, ANCHOR_WIDTH)
     levers = np.zeros((m, max(depth, 1)))
     for i, body in enumerate(tables.bodies[:m]):
         chain = above[body]
         levers[i, : len(chain)] = primitive_levers(
-            anchors[i],
+            anchor(int(tables.kinds[i]), tables.local_rows[i]),
             chain,
             joint_kind,
             tables.T_parent_joint,
@@ -81,7 +82,6 @@ def chains(tables: SceneTables) -> Chains:
         length=np.array([len(chain) for chain in above], dtype=np.int32),
         shared=shared_lengths(above),
         levers=levers,
-        anchors=anchors,
     )
 
 
@@ -120,7 +120,7 @@ def strokes(
 
 
 def primitive_levers(
-    capsule: Floats,
+    capsule: Anchor,
     chain: Sequence[int],
     joint_kind: Ints,
     T_parent_joint: Floats,
@@ -133,8 +133,7 @@ def primitive_levers(
     configuration. For a joint further up the offset of the next joint's frame is fixed,
     and the rest of the chain may point in any direction.
     """
-    ends = capsule[[[0, 1, 2], [3, 4, 5]]]
-    radius = float(capsule[ANCHOR_RADIUS])
+    ends, radius = np.array([capsule.start, capsule.end]), capsule.radius
     levers: list[float] = []
     beyond = 0.0
     for place in range(len(chain) - 1, -1, -1):
@@ -156,20 +155,20 @@ def off_axis(point: Floats, axis: Floats) -> float:
     return float(np.linalg.norm(point - axis * float(point @ axis)))
 
 
-def anchor(kind: int, row: Floats) -> Floats:
-    """Capsule that contains a primitive, shape (7,) [m]; infinite for a half-space."""
-    radius, origin = row[0], row[1:4]
+def anchor(kind: int, row: Floats) -> Anchor:
+    """Capsule that contains a primitive."""
+    radius, origin = float(row[0]), row[1:4]
     if kind == ShapeKind.SPHERE:
-        return np.array([*origin, *origin, radius])
+        return Anchor(origin, origin, radius)
     if kind == ShapeKind.CAPSULE:
-        return np.array([*origin, *row[4:7], radius])
+        return Anchor(origin, row[4:7], radius)
     if kind == ShapeKind.HALF_SPACE:
-        return np.array([*origin, *origin, np.inf])
+        return Anchor(origin, origin, np.inf)
     if kind == ShapeKind.TRIANGLE:
         corners = row[1:10].reshape(3, 3)
         middle = corners.mean(axis=0)
         reach = float(np.linalg.norm(corners - middle, axis=1).max())
-        return np.array([*middle, *middle, radius + reach])
+        return Anchor(middle, middle, radius + reach)
     R = row[7:16].reshape(3, 3)
     if kind in (ShapeKind.BOX, ShapeKind.ELLIPSOID):
         half = row[4:7]
@@ -184,4 +183,4 @@ def anchor(kind: int, row: Floats) -> Floats:
         # A hull or a shape by its support function: a ball about its origin.
         across = row[6]
         along = np.zeros(3)
-    return np.array([*(origin - along), *(origin + along), radius + across])
+    return Anchor(origin - along, origin + along, radius + float(across))

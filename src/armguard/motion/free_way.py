@@ -7,8 +7,6 @@ from armguard.kernel import kernel
 from armguard.motion.state import (
     FREE,
     GRID,
-    STAMP,
-    STILL,
     Motion,
 )
 from armguard.motion.stop_path import error_of
@@ -44,9 +42,9 @@ def bound_free_way(k: int, m: Motion) -> None:
         k: Index of the time, less than GRID.
         m: The prediction.
     """
-    if m.grid_stamp[k] == m.effort[STAMP]:
+    if m.grid_stamp[k] == m.effort[0].stamp:
         return
-    m.grid_stamp[k] = m.effort[STAMP]
+    m.grid_stamp[k] = m.effort[0].stamp
     t = grid_time(k)
     middle, width, spread = m.middle[FREE + k], m.width[FREE + k], m.spread[FREE + k]
     for b in range(m.parent.shape[0]):
@@ -54,7 +52,7 @@ def bound_free_way(k: int, m: Motion) -> None:
         if m.joint_kind[b] == NO_JOINT:
             continue
         j = m.q_index[b]
-        if m.clock[m.robot_of_joint[j], STILL] != 0.0:
+        if m.clock[m.robot_of_joint[j]].still != 0:
             continue
         error, gain = error_of(j, m), m.gain[b, 0]
         up = gain * (error + free_way(j, m.v_high[j], t, m))

@@ -28,12 +28,9 @@ from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3, add, dot
 from armguard.kernel import kernel
 from armguard.motion.joint_rows import (
-    GROWTH,
-    TO,
-    TURN,
     TURNED,
-    WIDEN,
     Ends,
+    SideMotion,
     joint_ranges,
     joint_rows,
     point_reach,
@@ -67,16 +64,7 @@ ROUNDING = 1e-12
 
 
 @kernel(inline=False)
-def side_reach(
-    kind: int,
-    row: Floats,
-    n: Vec3,
-    line: bool,
-    most: float,
-    first: int,
-    count: int,
-    rows: Floats,
-) -> Ends:
+def side_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
     """Greatest `n·p` over a primitive's points and all positions, to second order [m].
 
     A vertex is skipped if it cannot reach the greatest value even with the displacement
@@ -85,71 +73,47 @@ def side_reach(
     Args:
         kind: ShapeKind of the primitive.
         row: Row of the primitive in the world, shape (16,).
-        n: Unit direction.
-        line: Whether the joints are on a line.
-        most: Displacement bound of its points, by levers [m].
-        first: First joint of the chain that counts.
-        count: Length of the chain; at most `first` for a static primitive.
-        rows: Derivatives and ranges, see `joint_rows`.
+        s: The joints that move it.
 
     Returns:
         The value twice, or one for each end of the line.
     """
-    origin = (row[1], row[2], row[3])
-    if count <= first:
+    if s.end <= s.first:
         if kind == HALF_SPACE:
-            reach = half_space_reach(row, n)
+            reach = half_space_reach(row, s.n)
         else:
-            reach = row[0] + dot(n, add(origin, core_support(kind, row, n)))
+            reach = row[0] + core_reach(kind, row, s.n)
         return (reach, reach)
     if kind == HALF_SPACE or kind == TRIANGLE:
         # Neither is part of a link.
         return (inf, inf)
     if kind == SPHERE or kind == CAPSULE:
-        one, other = segment_reach(kind, row, n, line, most, first, count, rows)
+        one, other = segment_reach(kind, row, s)
     elif kind == HULL:
-        one, other = hull_reach(row, n, line, most, first, count, rows)
+        one, other = hull_reach(row, s)
     else:
-        one, other = box_reach(kind, row, n, line, most, first, count, rows)
+        one, other = box_reach(kind, row, s)
     return (row[0] + one, row[0] + other)
 
 
 @kernel
-def segment_reach(
-    kind: int,
-    row: Floats,
-    n: Vec3,
-    line: bool,
-    most: float,
-    first: int,
-    count: int,
-    rows: Floats,
-) -> Ends:
+def segment_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
     """Greatest reach of a sphere's centre, or of the ends of a capsule's axis [m]."""
     p = (row[1], row[2], row[3])
     if kind == SPHERE:
-        return point_reach(n, p, line, first, count, rows)
+        return point_reach(dot(s.n, p), p, s)
     q = (row[4], row[5], row[6])
-    if dot(n, q) > dot(n, p):
+    if dot(s.n, q) > dot(s.n, p):
         p, q = q, p
-    one, other = point_reach(n, p, line, first, count, rows)
-    if dot(n, q) + most > min(one, other):
-        first_end, last_end = point_reach(n, q, line, first, count, rows)
+    one, other = point_reach(dot(s.n, p), p, s)
+    if dot(s.n, q) + s.most > min(one, other):
+        first_end, last_end = point_reach(dot(s.n, q), q, s)
         one, other = max(one, first_end), max(other, last_end)
     return (one, other)
 
 
 @kernel
-def box_reach(
-    kind: int,
-    row: Floats,
-    n: Vec3,
-    line: bool,
-    most: float,
-    first: int,
-    count: int,
-    rows: Floats,
-) -> Ends:
+def box_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
     """Greatest reach of a box's corners, or of a curved core within a box [m].
 
     A curved core reaches at most its support plus the growth of the box about it.
@@ -164,17 +128,22 @@ def box_reach(
     one = other = way_one = way_other = -inf
     for c in range(8):
         p = corner(row, x, y, z, c)
-        still = dot(n, p)
-        if kind == BOX and still + most <= min(one, other):
+        still = dot(s.n, p)
+        if kind == BOX and still + s.most <= min(one, other):
             continue
-        first_end, last_end = point_reach((0.0, 0.0, 0.0), p, line, first, count, rows)
+        first_end, last_end = point_reach(0.0, p, s)
         one, other = max(one, still + first_end), max(other, still + last_end)
         way_one, way_other = max(way_one, first_end), max(way_other, last_end)
     if kind == BOX:
         return (one, other)
-    origin = (row[1], row[2], row[3])
-    core = dot(n, add(origin, core_support(kind, row, n)))
+    core = core_reach(kind, row, s.n)
     return (min(one, core + way_one), min(other, core + way_other))
+
+
+@kernel
+def core_reach(kind: int, row: Floats, n: Vec3) -> float:
+    """Greatest `n·p` of a core [m]."""
+    return dot(n, add((row[1], row[2], row[3]), core_support(kind, row, n)))
 
 
 @kernel
@@ -194,9 +163,12 @@ def half_space_reach(row: Floats, n: Vec3) -> float:
 @kernel
 def corner(row: Floats, x: float, y: float, z: float, c: int) -> Vec3:
     """Corner c of a box about a row's origin, in the world."""
-    x = x if c & 1 else -x
-    y = y if c & 2 else -y
-    z = z if c & 4 else -z
+    return point_at(row, x if c & 1 else -x, y if c & 2 else -y, z if c & 4 else -z)
+
+
+@kernel
+def point_at(row: Floats, x: float, y: float, z: float) -> Vec3:
+    """A point of a row's frame, in the world."""
     return (
         row[1] + row[7] * x + row[8] * y + row[9] * z,
         row[2] + row[10] * x + row[11] * y + row[12] * z,
@@ -205,49 +177,36 @@ def corner(row: Floats, x: float, y: float, z: float, c: int) -> Vec3:
 
 
 @kernel
-def hull_reach(
-    row: Floats,
-    n: Vec3,
-    line: bool,
-    most: float,
-    first: int,
-    count: int,
-    rows: Floats,
-) -> Ends:
+def hull_reach(row: Floats, s: SideMotion) -> Ends:
     """Greatest reach of a hull's vertices [m]."""
-    origin = (row[1], row[2], row[3])
-    vertices = int(row[5])
+    n, vertices = s.n, int(row[5])
     v = numba.carray(pointer(int(row[4])), (3 * vertices,), np.float64)
     # n in the frame of the hull.
     x = row[7] * n[0] + row[10] * n[1] + row[13] * n[2]
     y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
     z = row[9] * n[0] + row[12] * n[1] + row[15] * n[2]
-    base = dot(n, origin)
+    base = dot(n, (row[1], row[2], row[3]))
     bounds = numba.carray(stack(BOUNDS_ROOM), (2, 8), np.float64)
     box = numba.carray(stack(6), (6,), np.float64)
     bounded = vertices > MANY
     best = 0
     if bounded:
         box_of_vertices(v, vertices, box)
-        bound_in_box(n, box, row, line, first, count, rows, bounds)
+        bound_in_box(box, row, s, bounds)
         best = highest_vertex(v, vertices, box, bounds)
     one = other = -inf
     for step in range(vertices):
         # The vertex with the greatest bound comes first: it rules out most others.
         i = best if step == 0 else step - 1 if step <= best else step
         a, b, c = v[i], v[i + vertices], v[i + 2 * vertices]
-        if base + x * a + y * b + z * c + most <= min(one, other):
+        if base + x * a + y * b + z * c + s.most <= min(one, other):
             continue
         if bounded and step > 0:
             first_bound, last_bound = interpolated(a, b, c, box, bounds)
             if first_bound + ROUNDING <= one and last_bound + ROUNDING <= other:
                 continue
-        p = (
-            origin[0] + row[7] * a + row[8] * b + row[9] * c,
-            origin[1] + row[10] * a + row[11] * b + row[12] * c,
-            origin[2] + row[13] * a + row[14] * b + row[15] * c,
-        )
-        first_end, last_end = point_reach(n, p, line, first, count, rows)
+        p = point_at(row, a, b, c)
+        first_end, last_end = point_reach(dot(n, p), p, s)
         one, other = max(one, first_end), max(other, last_end)
     return (one, other)
 
@@ -263,41 +222,24 @@ def box_of_vertices(v: Floats, vertices: int, box: Floats) -> None:
 
 
 @kernel
-def bound_in_box(
-    n: Vec3,
-    box: Floats,
-    row: Floats,
-    line: bool,
-    first: int,
-    count: int,
-    rows: Floats,
-    bounds: Matrix,
-) -> None:
+def bound_in_box(box: Floats, row: Floats, s: SideMotion, bounds: Matrix) -> None:
     """Write an interpolation that bounds the reach of every point in a box.
 
     The reach is a convex function of the point, so between the corners of a box it is
     at most the trilinear interpolation of its values there.
 
     Args:
-        n: Unit direction.
         box: Least and greatest coordinates in the frame of the row [m].
         row: Row of the primitive in the world.
-        line: Whether the joints are on a line.
-        first: First joint of the chain that counts.
-        count: Length of the chain.
-        rows: Derivatives and ranges, see `joint_rows`.
+        s: The joints that move it.
         bounds: Coefficients of both ends, overwritten, shape (2, 8): that of a product
             of coordinates from the box's least ones is at the index with the bits of
             its factors.
     """
     for k in range(8):
         a, b, c = box[3 * (k & 1)], box[1 + 3 * (k >> 1 & 1)], box[2 + 3 * (k >> 2)]
-        p = (
-            row[1] + row[7] * a + row[8] * b + row[9] * c,
-            row[2] + row[10] * a + row[11] * b + row[12] * c,
-            row[3] + row[13] * a + row[14] * b + row[15] * c,
-        )
-        bounds[0, k], bounds[1, k] = point_reach(n, p, line, first, count, rows)
+        p = point_at(row, a, b, c)
+        bounds[0, k], bounds[1, k] = point_reach(dot(s.n, p), p, s)
     for end in range(2):
         for axis in range(3):
             width = box[axis + 3] - box[axis]
@@ -401,17 +343,24 @@ def range_reach(side: int, n: Vec3, p: Pair, m: Motion) -> float:
         m: The prediction.
     """
     kind, a, body, plan = p.kind[side], p.row[side], p.body[side], p.plan[side]
-    count, first = 0 if body < 0 else int(m.length[body]), p.shared
+    first, count = p.shared, 0 if body < 0 else int(m.length[body])
     if count <= first:
-        return side_reach(kind, a, n, False, 0.0, first, first, m.lever_rows)[0]
-    chain, rows = m.joints[body], m.lever_rows
-    joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, rows)
-    joint_ranges(chain, first, count, m.middle[plan], m.width[plan], rows)
-    own = levers_of(side, p, m)
-    sizes = m.spread[plan]
+        return still_reach(kind, a, n, m)
+    chain, own, sizes = m.joints[body], levers_of(side, p, m), m.spread[plan]
+    joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, m.lever_rows)
+    joint_ranges(chain, first, count, m.middle[plan], m.width[plan], m.lever_rows)
     most = most_way(chain, first, count, own, sizes)
-    reach, _ = side_reach(kind, a, n, False, most, first, count, rows)
+    s = SideMotion(n, False, most, first, count, m.lever_rows, m.hessian)
+    reach, _ = side_reach(kind, a, s)
     return float(reach + curvature(chain, first, count, own, m.joint_kind, sizes))
+
+
+@kernel
+def still_reach(kind: int, row: Floats, n: Vec3, m: Motion) -> float:
+    """Greatest `n·p` of a side that no joint moves [m]."""
+    return side_reach(
+        kind, row, SideMotion(n, False, 0.0, 0, 0, m.lever_rows, m.hessian)
+    )[0]
 
 
 @kernel(separate=True)
@@ -435,28 +384,18 @@ def line_reach(
     kind, a, body, first = p.kind[side], both[side], p.body[side], p.shared
     at = p.plan[side] * NODES + node
     count = 0 if body < 0 else int(m.length[body])
-    rows = m.lever_rows
     if count <= first:
-        still, _ = side_reach(kind, a, n, False, 0.0, first, first, rows)
+        still = still_reach(kind, a, n, m)
         return (still, still, 0.0)
-    chain = m.joints[body]
+    chain, own = m.joints[body], levers_of(side, p, m)
+    axes, origin = m.box_axes, 0
     if box == WHOLE:
-        joint_rows(
-            n,
-            chain,
-            first,
-            count,
-            m.node_axes,
-            at * m.parent.shape[0],
-            m.joint_kind,
-            rows,
-        )
-    else:
-        joint_rows(n, chain, first, count, m.box_axes, 0, m.joint_kind, rows)
-    own = levers_of(side, p, m)
+        axes, origin = m.node_axes, at * m.parent.shape[0]
+    joint_rows(n, chain, first, count, axes, origin, m.joint_kind, m.lever_rows)
     line_ranges(chain, first, count, at, box, m)
     most = most_way(chain, first, count, own, m.sizes)
-    one, other = side_reach(kind, a, n, True, most, first, count, rows)
+    s = SideMotion(n, True, most, first, count, m.lever_rows, m.hessian)
+    one, other = side_reach(kind, a, s)
     bend = curvature(chain, first, count, own, m.joint_kind, m.sizes)
     return (one, other, bend)
 
@@ -470,12 +409,11 @@ def line_ranges(
     A joint's position in an interval is `u · way + s · (wide + u · grow)`, with one u
     for all joints and an s of its own, each in [-1, 1]; in a box in a part of that.
     """
-    u, half = m.box_line[box, 0], m.box_line[box, 1]
+    line = m.box_line[box]
     for k in range(first, count):
         b = chain[k]
         row, grow, part = m.lever_rows[k], m.node_grow[at, b], m.box_part[box, b]
-        row[TO] = part * (m.node_wide[at, b] + u * grow)
-        row[TURN] = half * (m.node_way[at, b] + m.box_place[box, b] * grow)
-        row[WIDEN] = part * half * grow
-        row[GROWTH] = abs(row[WIDEN])
-        m.sizes[b] = abs(row[TURN]) + row[TO] + row[GROWTH]
+        row.width = part * (m.node_wide[at, b] + line.middle * grow)
+        row.half_line = line.half * (m.node_way[at, b] + m.box_place[box, b] * grow)
+        row.widening = part * line.half * grow
+        m.sizes[b] = abs(row.half_line) + row.width + abs(row.widening)

@@ -1,11 +1,15 @@
 """Derivatives of a point's position along a direction by the joints of its chain."""
 
+from typing import Annotated, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, cross, dot, sub
 from armguard.kernel import kernel
+from armguard.record import Records, record
 from armguard.robot.kinematics import PRISMATIC
+from armguard.table import Matrix
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -16,26 +20,69 @@ Ends = tuple[float, float]
 # Greatest round-off of a unit normal's coordinate: a micrometre per 10⁹ m [-].
 TURNED = 1e-15
 
-# Places in a joint's row of derivatives, see LEVER_ROW: g(p) is slope·p + level, and
-# its Δ is `FROM ± TO`. In an interval all joints are at the same place u of their
-# lines, and both ends of these are tested: from the middle to an end Δ changes by TURN,
-# and TO by WIDEN; GROWTH is the size of WIDEN.
-SLOPE = 0  # n x axis, 3 numbers; 0 for a prismatic joint
-LEVEL = 3
-FROM = 4
-TO = 5
-AXIS = 6  # 3 numbers
-ORIGIN = 9  # 3 numbers
-TURNS = 12  # 1 for a revolute joint, 0 for a prismatic one
-GRADIENT = 13  # g of the vertex that is tested
-ALONG = 14  # g of this vertex at the joints' place on their line
-OPEN = 15  # 1 until the end of its range with the greatest value is known
-TURN = 16
-WIDEN = 17
-GROWTH = 18
-CURVED = 19  # change of ALONG from the middle of the line to its end
-RANGE = 20  # TO at the joints' place on their line
-HESSIAN = 21  # h with each joint of the chain
+
+@record
+class JointRow:
+    """Gradient of `n·p` by a joint of a chain, and the range of the joint's Δ.
+
+    The gradient at p is `slope·p + level`, and Δ is `middle ± width`. In an interval
+    all joints are at the same place u in [-1, 1] of their lines. Both ends of these are
+    tested: from the middle to an end Δ changes by `half_line`, the width by `widening`.
+
+    Attributes:
+        slope: n x axis; 0 for a prismatic joint, shape (3,) [-].
+        level: Gradient at the origin [m/rad or -].
+        axis: Direction of its axis in the world, shape (3,) [-].
+        origin: A point of its axis in the world, shape (3,) [m].
+        revolute: 1 for a revolute joint, 0 for a prismatic one.
+        middle: Middle of Δ [rad or m].
+        width: Greatest deviation from that [rad or m].
+        half_line: Half of the joint's line, signed [rad or m].
+        widening: Change of the width from the middle of the line to its end.
+        gradient: Gradient at the vertex that is tested.
+        gradient_change: Change of it from the middle of the line to its end.
+        end_gradient: Gradient at the joints' place on their line.
+        end_width: Width at that place; 0 once the end of the range with the greatest
+            value is known.
+        undecided: 1 until that end is known.
+    """
+
+    slope: Annotated[Floats, (3,)]
+    level: float
+    axis: Annotated[Floats, (3,)]
+    origin: Annotated[Floats, (3,)]
+    revolute: int
+    middle: float
+    width: float
+    half_line: float
+    widening: float
+    gradient: float
+    gradient_change: float
+    end_gradient: float
+    end_width: float
+    undecided: int
+
+
+class SideMotion(NamedTuple):
+    """Joints that move one side of a pair, their ranges, and a direction.
+
+    Attributes:
+        n: Unit direction.
+        line: Whether the joints are on a line.
+        most: Displacement bound of the side's points, by levers [m].
+        first: First joint of the chain that counts.
+        end: Length of the chain; at most `first` for a static side.
+        rows: Derivatives and ranges, shape (depth,).
+        hessian: Second derivatives of `n·p`, shape (depth, depth).
+    """
+
+    n: Vec3
+    line: bool
+    most: float
+    first: int
+    end: int
+    rows: Records[JointRow]
+    hessian: Matrix
 
 
 @kernel
@@ -47,7 +94,7 @@ def joint_rows(
     axes: Floats,
     origin: int,
     joint_kind: Ints,
-    rows: Floats,
+    rows: Records[JointRow],
 ) -> None:
     """Write the gradient of `n·p` by each joint of a chain, without the ranges of Δ.
 
@@ -59,28 +106,30 @@ def joint_rows(
         axes: Axes in the world, shape (k, 6).
         origin: Row of body 0 in `axes`.
         joint_kind: Joint kinds, shape (b,).
-        rows: Overwritten except for the Δ, shape (depth, LEVER_ROW + depth).
+        rows: Overwritten except for the Δ, shape (depth,).
     """
     for k in range(first, count):
         b = chain[k]
         row, axis = rows[k], axes[origin + b]
         direction = (axis[0], axis[1], axis[2])
-        for x in range(3):
-            row[AXIS + x] = axis[x]
-            row[ORIGIN + x] = axis[x + 3]
-        if joint_kind[b] == PRISMATIC:
-            row[0] = row[1] = row[2] = row[TURNS] = 0.0
-            row[LEVEL] = dot(n, direction)
-        else:
+        slope, row.level, row.revolute = (0.0, 0.0, 0.0), dot(n, direction), 0
+        if joint_kind[b] != PRISMATIC:
             slope = cross(n, direction)
-            row[0], row[1], row[2] = slope
-            row[LEVEL] = -dot(slope, (axis[3], axis[4], axis[5]))
-            row[TURNS] = 1.0
+            row.level = -dot(slope, (axis[3], axis[4], axis[5]))
+            row.revolute = 1
+        for x in range(3):
+            row.axis[x], row.origin[x] = axis[x], axis[x + 3]
+        row.slope[0], row.slope[1], row.slope[2] = slope
 
 
 @kernel
 def joint_ranges(
-    chain: Ints, first: int, count: int, middle: Floats, width: Floats, rows: Floats
+    chain: Ints,
+    first: int,
+    count: int,
+    middle: Floats,
+    width: Floats,
+    rows: Records[JointRow],
 ) -> None:
     """Write an independent range of Δ for each joint of a chain.
 
@@ -93,93 +142,82 @@ def joint_ranges(
         rows: Rows of `joint_rows`.
     """
     for k in range(first, count):
-        b = chain[k]
-        rows[k, FROM], rows[k, TO] = middle[b], width[b]
+        row, b = rows[k], chain[k]
+        row.middle, row.width = middle[b], width[b]
 
 
 @kernel
-def point_reach(
-    n: Vec3, p: Vec3, line: bool, first: int, count: int, rows: Floats
-) -> Ends:
+def point_reach(still: float, p: Vec3, s: SideMotion) -> Ends:
     """Greatest `n·p` of a vertex to second order, at both ends of a line [m].
 
     Args:
-        n: Direction; 0 for the growth alone.
+        still: `n·p` of the vertex at rest; 0 for the growth alone [m].
         p: Vertex of the core, in the world [m].
-        line: Whether the joints are on a line.
-        first: First joint of the chain that counts.
-        count: Length of the chain.
-        rows: Derivatives and ranges, see `joint_rows`.
+        s: The joints that move it.
     """
-    differentiate(p, first, count, rows)
-    if line:
-        return line_ends(dot(n, p), first, count, rows)
+    differentiate(p, s)
+    if s.line:
+        return line_ends(still, s)
     way = bend = 0.0
-    for k in range(first, count):
-        own = rows[k]
+    for k in range(s.first, s.end):
+        own, second = s.rows[k], s.hessian[k]
         turned = 0.0
-        for j in range(first, count):
-            turned += own[HESSIAN + j] * rows[j, FROM]
-        way += own[GRADIENT] * own[FROM]
-        bend += 0.5 * own[FROM] * turned
-        own[ALONG], own[RANGE] = own[GRADIENT] + turned, own[TO]
-    reach = dot(n, p) + way + bend + widest(first, count, rows)
+        for j in range(s.first, s.end):
+            turned += second[j] * s.rows[j].middle
+        way += own.gradient * own.middle
+        bend += 0.5 * own.middle * turned
+        own.end_gradient, own.end_width = own.gradient + turned, own.width
+    reach = still + way + bend + widest(s)
     return (reach, reach)
 
 
 @kernel
-def line_ends(still: float, first: int, count: int, rows: Floats) -> Ends:
+def line_ends(still: float, s: SideMotion) -> Ends:
     """Greatest `n·p` at each end of the joints' line, valid also in between [m]."""
     way = bend = grown = 0.0
-    for k in range(first, count):
-        own = rows[k]
+    for k in range(s.first, s.end):
+        own, second = s.rows[k], s.hessian[k]
         curved = mixed = 0.0
-        for j in range(first, count):
-            h = own[HESSIAN + j]
-            curved += h * rows[j, TURN]
-            mixed += abs(h) * rows[j, GROWTH]
-        way += own[GRADIENT] * own[TURN]
-        bend += 0.5 * own[TURN] * curved
-        grown += (abs(own[TURN]) + 0.5 * own[GROWTH]) * mixed
-        own[CURVED] = curved
+        for j in range(s.first, s.end):
+            curved += second[j] * s.rows[j].half_line
+            mixed += abs(second[j]) * abs(s.rows[j].widening)
+        way += own.gradient * own.half_line
+        bend += 0.5 * own.half_line * curved
+        grown += (abs(own.half_line) + 0.5 * abs(own.widening)) * mixed
+        own.gradient_change = curved
     # Between the ends of a line the value exceeds both by at most its curvature.
     reach = still + bend + max(-bend, 0.0) + grown
-    return (
-        reach - way + line_end(-1.0, first, count, rows),
-        reach + way + line_end(1.0, first, count, rows),
-    )
+    return (reach - way + line_end(-1.0, s), reach + way + line_end(1.0, s))
 
 
 @kernel
-def line_end(sign: float, first: int, count: int, rows: Floats) -> float:
+def line_end(sign: float, s: SideMotion) -> float:
     """Greatest addition by the ranges of the joints at one end of their line [m]."""
-    for k in range(first, count):
-        own = rows[k]
-        own[ALONG] = own[GRADIENT] + sign * own[CURVED]
-        own[RANGE] = own[TO] + sign * own[WIDEN]
-    return widest(first, count, rows)
+    for k in range(s.first, s.end):
+        own = s.rows[k]
+        own.end_gradient = own.gradient + sign * own.gradient_change
+        own.end_width = own.width + sign * own.widening
+    return widest(s)
 
 
 @kernel
-def differentiate(p: Vec3, first: int, count: int, rows: Floats) -> None:
+def differentiate(p: Vec3, s: SideMotion) -> None:
     """Write the first and second derivatives of n·p by the joints."""
-    for k in range(first, count):
-        own = rows[k]
-        slope = (own[SLOPE], own[SLOPE + 1], own[SLOPE + 2])
-        own[GRADIENT] = dot(slope, p) + own[LEVEL]
-        move = (own[AXIS], own[AXIS + 1], own[AXIS + 2])
-        if own[TURNS] != 0.0:
-            origin = (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2])
+    for k in range(s.first, s.end):
+        own = s.rows[k]
+        own.gradient = dot((own.slope[0], own.slope[1], own.slope[2]), p) + own.level
+        move = (own.axis[0], own.axis[1], own.axis[2])
+        if own.revolute:
+            origin = (own.origin[0], own.origin[1], own.origin[2])
             move = cross(move, sub(p, origin))
-        for j in range(first, k + 1):
-            other = rows[j]
-            h = dot((other[SLOPE], other[SLOPE + 1], other[SLOPE + 2]), move)
-            own[HESSIAN + j] = h
-            other[HESSIAN + k] = h
+        for j in range(s.first, k + 1):
+            slope = s.rows[j].slope
+            h = dot((slope[0], slope[1], slope[2]), move)
+            s.hessian[k, j] = s.hessian[j, k] = h
 
 
 @kernel
-def widest(first: int, count: int, rows: Floats) -> float:
+def widest(s: SideMotion) -> float:
     """Upper bound of `Σ g Δ + ½ Σ Σ h Δ Δ` for Δ within plus and minus the widths.
 
     If g exceeds every change that h can make to it, the greatest value is at that end
@@ -187,30 +225,33 @@ def widest(first: int, count: int, rows: Floats) -> float:
     remaining joints each term takes its greatest size.
     """
     total = 0.0
-    for k in range(first, count):
-        rows[k, OPEN] = 1.0
+    for k in range(s.first, s.end):
+        s.rows[k].undecided = 1
     for _ in range(2):
-        for k in range(first, count):
-            own = rows[k]
-            if own[OPEN] == 0.0:
+        for k in range(s.first, s.end):
+            own, second = s.rows[k], s.hessian[k]
+            if not own.undecided:
                 continue
-            doubt = 0.0
-            for j in range(first, count):
-                doubt += abs(own[HESSIAN + j]) * rows[j, RANGE] * rows[j, OPEN]
-            g = own[ALONG]
-            if not abs(g) >= doubt:
+            g = own.end_gradient
+            if not abs(g) >= doubt(second, s):
                 continue
-            move = own[RANGE] if g >= 0.0 else -own[RANGE]
-            own[OPEN] = 0.0
-            total += g * move + 0.5 * own[HESSIAN + k] * move * move
-            for j in range(first, count):
-                rows[j, ALONG] += own[HESSIAN + j] * move
-    for k in range(first, count):
-        own = rows[k]
-        if own[OPEN] == 0.0:
-            continue
-        doubt = 0.0
-        for j in range(first, count):
-            doubt += abs(own[HESSIAN + j]) * rows[j, RANGE] * rows[j, OPEN]
-        total += own[RANGE] * (abs(own[ALONG]) + 0.5 * doubt)
+            move = own.end_width if g >= 0.0 else -own.end_width
+            own.undecided, own.end_width = 0, 0.0
+            total += g * move + 0.5 * second[k] * move * move
+            for j in range(s.first, s.end):
+                s.rows[j].end_gradient += second[j] * move
+    for k in range(s.first, s.end):
+        own = s.rows[k]
+        if own.undecided:
+            change = doubt(s.hessian[k], s)
+            total += own.end_width * (abs(own.end_gradient) + 0.5 * change)
+    return total
+
+
+@kernel
+def doubt(second: Floats, s: SideMotion) -> float:
+    """Greatest change of a joint's gradient by the joints that are undecided."""
+    total = 0.0
+    for j in range(s.first, s.end):
+        total += abs(second[j]) * s.rows[j].end_width
     return total

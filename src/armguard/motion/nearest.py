@@ -27,16 +27,6 @@ from armguard.table import Matrix, Vector
 
 Floats = NDArray[np.float64]
 
-# Places in a row of `Motion.columns`: derivative of the difference by a joint, 3
-# numbers; its line and deviation, as in a node; its place in [-1, 1] and the bounds.
-WAY = 3
-WIDE = 4
-GROW = 5
-NOW = 6
-LEAST = 7
-MOST = 8
-COLUMN = 9
-
 # Sweeps of the coordinate descent.
 SWEEPS = 6
 
@@ -72,7 +62,7 @@ def nearest_position(
         span = span * NODES + node
         for k in range(p.shared, m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
-            move_joint(b, span, u, m.columns[count, NOW], m)
+            move_joint(b, span, u, m.columns[count].place, m)
             count += 1
     place_pair(p, m, there)
     measure(p.kind[0], there[0], p.kind[1], there[1], found)
@@ -96,7 +86,7 @@ def middle_position(node: int, box: int, p: Pair, m: Motion, rows: Matrix) -> No
         span = span * NODES + node
         for k in range(p.shared, m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
-            move_joint(b, span, m.box_line[box, 0], m.box_place[box, b], m)
+            move_joint(b, span, m.box_line[box].middle, m.box_place[box, b], m)
     place_pair(p, m, rows)
     for b in range(m.parent.shape[0]):
         write_axis(m.corner_T[b], m.axis[b], m.box_axes[b])
@@ -161,12 +151,13 @@ def write_columns(node: int, box: int, seen: Vector, p: Pair, m: Motion) -> int:
             own = m.columns[count]
             axis = m.node_axes[span * bodies + b] if box == WHOLE else m.box_axes[b]
             way = joint_way(point, b, axis, m)
-            own[0], own[1], own[2] = way if side == 1 else scaled(-1.0, way)
-            own[WAY] = m.node_way[span, b]
-            own[WIDE], own[GROW] = m.node_wide[span, b], m.node_grow[span, b]
-            own[NOW] = m.box_place[box, b]
-            own[LEAST] = own[NOW] - m.box_part[box, b]
-            own[MOST] = own[NOW] + m.box_part[box, b]
+            d = own.derivative
+            d[0], d[1], d[2] = way if side == 1 else scaled(-1.0, way)
+            own.half_line = m.node_way[span, b]
+            own.width, own.growth = m.node_wide[span, b], m.node_grow[span, b]
+            own.place = m.box_place[box, b]
+            own.least = own.place - m.box_part[box, b]
+            own.most = own.place + m.box_part[box, b]
             count += 1
     return count
 
@@ -183,27 +174,27 @@ def bring_together(
     # A radius moves with its centre: only the distance of the cores shrinks.
     apart = seen[0] + rows[0, 0] + rows[1, 0]
     r = scaled(apart, (seen[7], seen[8], seen[9]))
-    u, half = m.box_line[box, 0], m.box_line[box, 1]
+    u, half = m.box_line[box].middle, m.box_line[box].half
     first, last = u - half, u + half
     for _ in range(SWEEPS):
         line = (0.0, 0.0, 0.0)
         for c in range(count):
             own = m.columns[c]
-            step = own[WAY] + own[NOW] * own[GROW]
-            line = add(line, scaled(step, (own[0], own[1], own[2])))
+            step, d = own.half_line + own.place * own.growth, own.derivative
+            line = add(line, scaled(step, (d[0], d[1], d[2])))
         square = dot(line, line)
         if square > NO_MOVE:
             to = min(max(u - dot(line, r) / square, first), last)
             r = add(r, scaled(to - u, line))
             u = to
         for c in range(count):
-            own = m.columns[c]
-            way = scaled(own[WIDE] + u * own[GROW], (own[0], own[1], own[2]))
+            own, d = m.columns[c], m.columns[c].derivative
+            way = scaled(own.width + u * own.growth, (d[0], d[1], d[2]))
             square = dot(way, way)
             if square > NO_MOVE:
-                before = own[NOW]
-                to = min(max(before - dot(way, r) / square, own[LEAST]), own[MOST])
-                own[NOW] = to
+                before = own.place
+                to = min(max(before - dot(way, r) / square, own.least), own.most)
+                own.place = to
                 r = add(r, scaled(to - before, way))
     return float(u)
 

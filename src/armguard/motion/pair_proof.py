@@ -28,13 +28,7 @@ from armguard.motion.pair_state import (
     levers_of,
 )
 from armguard.motion.state import (
-    BUDGET,
-    HORIZON,
-    NODE_LEVELS,
     NODES,
-    SEGMENT,
-    SETTLED,
-    TESTS,
     WHOLE,
     Motion,
 )
@@ -95,18 +89,17 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
     # Intervals that wait, one on each level and one more, and their proven headroom.
     waiting = numba.carray(stack(16), (8, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
-    left = 1
-    least = np.inf
+    effort, left, least = m.effort[0], 1, np.inf
     while left > 0:
         left -= 1
         node, before = int(waiting[left, 0]), waiting[left, 1]
-        if m.effort[TESTS] >= m.effort[BUDGET]:
+        if effort.tests >= effort.budget:
             return (SPENT, -np.inf)
-        m.effort[TESTS] += 1
-        _, end = span_of(node, m.span[HORIZON])
-        if end >= m.span[HORIZON]:
+        effort.tests += 1
+        _, end = span_of(node, m.span[0].horizon)
+        if end >= m.span[0].horizon:
             # Until their swings have ended, moving bodies may still meet the arms.
-            end = m.span[SETTLED]
+            end = m.span[0].settled
         wanted = p.need + p.drift * end
         distance, second_order, bend = span_gap(node, p, m)
         spare = second_order - bend - wanted
@@ -116,27 +109,22 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
             spare < LITTLE
             and distance - wanted > spare + GAIN
             and node < SHORT
-            and m.span[SEGMENT] == 0.0
+            and m.span[0].segment == 0
             and not is_wide(node, p, m)
         ):
             least = min(least, spare)
             continue
-        if not 2 * node < (1 << NODE_LEVELS):
-            if spare != spare or m.span[SEGMENT] != 0.0:
-                return (NEEDED if not second_order >= wanted else UNSURE, spare)
-            proof, spare = prove_by_boxes(node, wanted, p, m)
-            if proof != PROVEN:
-                return (proof, spare)
-            least = min(least, spare)
-            continue
-        if not spare >= 0.0 and is_wide(node, p, m):
+        shortest = not 2 * node < NODES
+        if shortest and (spare != spare or m.span[0].segment != 0):
+            return (NEEDED if not second_order >= wanted else UNSURE, spare)
+        if shortest or (not spare >= 0.0 and is_wide(node, p, m)):
             # Halving time would leave as many problems as halves.
-            proof, spare = prove_by_boxes(node, wanted, p, m)
-            if proof == SPENT:
-                return (proof, spare)
+            proof, proven = prove_by_boxes(node, wanted, p, m)
             if proof == PROVEN:
-                least = min(least, spare)
+                least = min(least, proven)
                 continue
+            if shortest or proof == SPENT:
+                return (proof, proven)
         # The later half first: where a proof fails, it mostly fails there.
         for half in range(2):
             waiting[left + half, 0] = 2.0 * node + half

@@ -14,22 +14,22 @@ from armguard.motion.chains import (
     strokes,
 )
 from armguard.motion.figures import JointFigures, RobotFigures
+from armguard.motion.joint_rows import JointRow
 from armguard.motion.joint_stop import JointStop
-from armguard.motion.nearest import COLUMN
 from armguard.motion.outermost import led_beyond, true_limits
 from armguard.motion.state import (
-    BALL,
     BOX_LEVELS,
-    BUDGET,
-    CLOCK,
-    EFFORT,
     GRID,
-    LEVER_ROW,
     NODES,
     PLANS,
-    SPAN,
-    SWINGS_WIDTH,
+    Ball,
+    Effort,
+    JointColumn,
+    JointSwing,
+    LinePart,
     Motion,
+    PathSpan,
+    StopClock,
 )
 from armguard.record import records
 from armguard.robot.stopping import StopTable
@@ -50,8 +50,8 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
     m, b, n = tables.moving_count, len(tables.parent), len(tables.q_names)
     found = chains(tables)
     depth = found.joints.shape[1]
-    effort = np.zeros(EFFORT, dtype=np.int64)
-    effort[BUDGET] = budget
+    effort = records(1, Effort)
+    effort.budget = budget
     return Motion(
         parent=tables.parent,
         joint_kind=tables.joint_kind,
@@ -72,8 +72,8 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         v_low=np.zeros(n),
         v_high=np.zeros(n),
         driven=np.zeros((PLANS * n, 2)),
-        clock=np.zeros((PLANS * len(tables.robots), CLOCK)),
-        span=np.zeros(SPAN),
+        clock=records(PLANS * len(tables.robots), StopClock),
+        span=records(1, PathSpan),
         effort=effort,
         up=records(PLANS * n, JointStop),
         down=records(PLANS * n, JointStop),
@@ -87,7 +87,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         rate=np.zeros(m),
         blur=by_levers("position_error", tables, found),
         push=by_levers("acceleration", tables, found),
-        balls=np.zeros((m, BALL)),
+        balls=records(m, Ball),
         twists=np.zeros((2 * b, 6)),
         loose=np.zeros((2, m)),
         middle_T=np.zeros((b, 12)),
@@ -96,9 +96,10 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         **halved_scratch(n, b),
         sizes=np.zeros(b),
         corner_T=np.zeros((b, 12)),
-        columns=np.zeros((2 * depth, COLUMN)),
-        lever_rows=np.zeros((depth, LEVER_ROW + depth)),
-        swings=np.zeros((len(tables.q_names), SWINGS_WIDTH)),
+        columns=records(2 * depth, JointColumn),
+        lever_rows=records(depth, JointRow),
+        hessian=np.zeros((depth, depth)),
+        swings=records(n, JointSwing),
     )
 
 
@@ -108,7 +109,7 @@ def robot_of_joint(tables: SceneTables) -> NDArray[np.int32]:
     return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
 
 
-def halved_scratch(n: int, b: int) -> dict[str, NDArray[Any]]:
+def halved_scratch(n: int, b: int) -> dict[str, Any]:
     """Scratch for stop paths halved in time and in joint positions, by field.
 
     Args:
@@ -126,11 +127,18 @@ def halved_scratch(n: int, b: int) -> dict[str, NDArray[Any]]:
         **{
             f"q_{name}": np.zeros(n) for name in ("half", "node", "way", "wide", "grow")
         },
-        "box_line": np.tile([0.0, 1.0], (BOX_LEVELS + 1, 1)),
+        "box_line": whole_lines(),
         "box_place": np.zeros((BOX_LEVELS + 1, b)),
         "box_part": np.ones((BOX_LEVELS + 1, b)),
         "box_axes": np.zeros((b, 6)),
     }
+
+
+def whole_lines() -> Any:
+    """Whole lines of intervals, for each box, shape (BOX_LEVELS + 1,)."""
+    lines = records(BOX_LEVELS + 1, LinePart)
+    lines.half = 1.0
+    return lines
 
 
 def exact_levers(

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.motion.figures import JointFigures, RobotFigures
+from armguard.motion.joint_rows import JointRow
 from armguard.motion.joint_stop import JointStop
-from armguard.record import Records
+from armguard.record import Records, record
 from armguard.table import IntMatrix, IntVector, LongVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
@@ -28,46 +29,130 @@ PLANS = 2
 FREE = PLANS
 GRID = 16
 
-# Places in `Motion.clock`, a row for each plan and robot.
-AGE = 0  # time since the measurement [s]
-REACTION = 1  # from the measurement until a stop takes effect at the latest [s]
-PASSED = 2  # time since a stop surely took effect [s]
-BRAKING = 3  # 1 if the robot stops by its brake
-STILL = 4  # 1 if the robot's own motion is left out: its buffer is fixed
-SWINGS = 5  # 1 if a stop in progress may still end in a swing
-CLOCK = 6
-
-# Places in `Motion.span`.
-HORIZON = 0  # time from now until all robots rest [s]
-SEGMENT = 1  # 1 if the path is a straight line in joint space, not a stop
-SETTLED = 2  # time from now until all swings have ended as well [s]
-SPAN = 3
-
-# Places in a row of `Motion.swings`.
-OF_STOP = 0  # swing of a stop in progress about its rest position
-LOWEST = 1  # least position that the stop may reach, as measured without error
-HIGHEST = 2  # greatest position that the stop may reach, as measured without error
-SWINGS_WIDTH = 3
-
-# Place of the radius in a row of `Motion.balls`, behind the centre.
-BALL_RADIUS = 3
-BALL = 4
-
-# Places in `Motion.effort`.
-TESTS = 0  # intervals tested for pairs in this cycle
-BUDGET = 1  # greatest number of intervals in a cycle
-STAMP = 2  # stamp of the nodes of this cycle
-LOOKED = 3  # 1 if a pair's result rests on exact shapes, a relief or a contract
-AT_MIDDLE = 4  # 1 if `middle_balls` are those of this cycle
-EFFORT = 5
-
 # Greatest number of boxes of joint positions that wait while one is divided, and place
 # of the box that is a whole interval.
 BOX_LEVELS = 24
 WHOLE = BOX_LEVELS
 
-# Width of a row of a joint in the bound of a pair's gap, without its Hessian.
-LEVER_ROW = 21
+
+@record
+class StopClock:
+    """Delays of a robot's stop by a plan.
+
+    Attributes:
+        age: Time since the measurement [s].
+        reaction: From the measurement until the stop takes effect at the latest [s].
+        passed: Time since the stop surely took effect [s].
+        braking: 1 if the robot stops by its brake.
+        still: 1 if the robot's own motion is left out: its buffer is fixed.
+        swings: 1 if a stop in progress may still end in a swing.
+    """
+
+    age: float
+    reaction: float
+    passed: float
+    braking: int
+    still: int
+    swings: int
+
+
+@record
+class PathSpan:
+    """Ends of the stop path.
+
+    Attributes:
+        horizon: Time from now until all robots rest [s].
+        settled: Time from now until all swings have ended as well [s].
+        segment: 1 if the path is a straight line in joint space, not a stop.
+    """
+
+    horizon: float
+    settled: float
+    segment: int
+
+
+@record
+class JointSwing:
+    """Swing of a joint's stop in progress, and positions that the stop may reach.
+
+    Attributes:
+        swing: Swing about its rest position [rad or m].
+        lowest: Least position, as measured without error [rad or m].
+        highest: Greatest position, as measured without error [rad or m].
+    """
+
+    swing: float
+    lowest: float
+    highest: float
+
+
+@record
+class Effort:
+    """Work of a cycle on proofs.
+
+    Attributes:
+        tests: Intervals tested for pairs in this cycle.
+        budget: Greatest number of intervals in a cycle.
+        stamp: Stamp of the nodes of this cycle.
+        beyond_primitives: 1 if a pair's result rests on exact shapes, a relief or a
+            contract.
+        at_middle: 1 if `Motion.middle_balls` are those of this cycle.
+    """
+
+    tests: int
+    budget: int
+    stamp: int
+    beyond_primitives: int
+    at_middle: int
+
+
+@record
+class Ball:
+    """Ball round a primitive.
+
+    Attributes:
+        centre: Centre, shape (3,) [m].
+        radius: Radius [m].
+    """
+
+    centre: Annotated[Floats, (3,)]
+    radius: float
+
+
+@record
+class LinePart:
+    """Part of an interval's line, which is [-1, 1].
+
+    Attributes:
+        middle: Its middle [-].
+        half: Half of its length [-].
+    """
+
+    middle: float
+    half: float
+
+
+@record
+class JointColumn:
+    """A joint's column of the Jacobian of a pair, and its position in a box.
+
+    Attributes:
+        derivative: Derivative of the witness points' difference, shape (3,) [m/rad].
+        half_line: See `Motion.node_way` [rad or m].
+        width: See `Motion.node_wide` [rad or m].
+        growth: See `Motion.node_grow` [rad or m].
+        place: Part of its deviation, in [-1, 1] [-].
+        least: Least such part in the box [-].
+        most: Greatest such part in the box [-].
+    """
+
+    derivative: Annotated[Floats, (3,)]
+    half_line: float
+    width: float
+    growth: float
+    place: float
+    least: float
+    most: float
 
 
 @table
@@ -98,9 +183,9 @@ class Motion(NamedTuple):
         driven: Greatest velocity in the positive and in the negative direction that
             each joint may be commanded until a stop takes effect, each of either sign,
             shape (PLANS · n, 2) [rad/s or m/s].
-        clock: Delays of each plan and robot, see AGE, shape (PLANS · r, CLOCK).
-        span: Ends of the stop path, see HORIZON, shape (SPAN,).
-        effort: Tests of this cycle, see TESTS, shape (EFFORT,).
+        clock: Delays of each plan and robot, shape (PLANS · r,).
+        span: Ends of the stop path, shape (1,).
+        effort: Work of this cycle, shape (1,).
         up: Stop of each joint in its positive direction, shape (PLANS · n,).
         down: Stop of each joint in its negative direction, shape (PLANS · n,).
         middle: Middle of the displacements of each body's joint on the path of a plan,
@@ -114,7 +199,7 @@ class Motion(NamedTuple):
         rate: Bound on the measured speed of each primitive's points, (m,) [m/s].
         blur: Displacement bound of each primitive for position errors, shape (m,) [m].
         push: Bound on the acceleration of each primitive's points, shape (m,) [m/s²].
-        balls: Ball round each primitive as measured: centre, radius, (m, BALL) [m].
+        balls: Ball round each primitive as measured, shape (m,).
         twists: Twist of each body, rotation then motion of the world's origin, for the
             middles of the joints' ranges; see `twist_bound`, shape (2 · b, 6).
         loose: What may add to a primitive's motion by these twists, shape (2, m)
@@ -134,19 +219,18 @@ class Motion(NamedTuple):
         q_way: Scratch for halves of lines, shape (n,).
         q_wide: Scratch for deviations, shape (n,).
         q_grow: Scratch for growths of deviations, shape (n,).
-        box_line: Part of an interval's line in a box: its middle and half of its
-            length, in [-1, 1], shape (BOX_LEVELS + 1, 2).
+        box_line: Part of an interval's line in a box, shape (BOX_LEVELS + 1,).
         box_place: Middle of the part of each joint's deviation in a box, in [-1, 1],
             shape (BOX_LEVELS + 1, b).
         box_part: Half of the length of that part, shape (BOX_LEVELS + 1, b).
         box_axes: Scratch for axes in the middle of a box, shape (b, 6).
         sizes: Scratch for the greatest displacement of each body's joint, shape (b,).
         corner_T: Scratch for poses in a box, shape (b, 12).
-        columns: Scratch for Jacobians of a pair, see `nearest`, (2 · depth, COLUMN).
-        lever_rows: Scratch for derivatives, see `joint_rows`, one row for each joint of
-            a chain, shape (depth, LEVER_ROW + depth).
-        swings: Swing of a stop in progress, and positions it may reach, of each joint;
-            see OF_STOP, shape (n, SWINGS_WIDTH) [rad or m].
+        columns: Scratch for Jacobians of a pair, shape (2 · depth,).
+        lever_rows: Scratch for gradients, see `joint_rows`, one row for each joint of a
+            chain, shape (depth,).
+        hessian: Scratch for second derivatives by these joints, shape (depth, depth).
+        swings: Swing of a stop in progress, of each joint, shape (n,).
     """
 
     parent: IntVector
@@ -168,9 +252,9 @@ class Motion(NamedTuple):
     v_low: Vector
     v_high: Vector
     driven: Matrix
-    clock: Matrix
-    span: Vector
-    effort: LongVector
+    clock: Annotated[Records[StopClock], 1]
+    span: Annotated[Records[PathSpan], 1]
+    effort: Annotated[Records[Effort], 1]
     up: Annotated[Records[JointStop], 1]
     down: Annotated[Records[JointStop], 1]
     middle: Matrix
@@ -183,7 +267,7 @@ class Motion(NamedTuple):
     rate: Vector
     blur: Vector
     push: Vector
-    balls: Matrix
+    balls: Annotated[Records[Ball], 1]
     twists: Matrix
     loose: Matrix
     middle_T: Matrix
@@ -201,12 +285,13 @@ class Motion(NamedTuple):
     q_way: Vector
     q_wide: Vector
     q_grow: Vector
-    box_line: Matrix
+    box_line: Annotated[Records[LinePart], 1]
     box_place: Matrix
     box_part: Matrix
     box_axes: Matrix
     sizes: Vector
     corner_T: Matrix
-    columns: Matrix
-    lever_rows: Matrix
-    swings: Matrix
+    columns: Annotated[Records[JointColumn], 1]
+    lever_rows: Annotated[Records[JointRow], 1]
+    hessian: Matrix
+    swings: Annotated[Records[JointSwing], 1]

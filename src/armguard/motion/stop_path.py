@@ -19,22 +19,8 @@ from armguard.motion.joint_stop import (
     whole_way,
 )
 from armguard.motion.state import (
-    AGE,
-    BRAKING,
-    HIGHEST,
-    HORIZON,
-    LOWEST,
     NEXT,
     NODES,
-    OF_STOP,
-    PASSED,
-    REACTION,
-    SEGMENT,
-    SETTLED,
-    STAMP,
-    STILL,
-    SWINGS,
-    TESTS,
     Motion,
 )
 from armguard.record import clear
@@ -61,12 +47,12 @@ def plan_stops(plan: int, m: Motion) -> None:
         rest = plan_joint(plan, j, m)
         horizon = max(horizon, rest)
         r = m.robot_of_joint[j]
-        if rest > 0.0 or m.clock[plan * m.robot_figures.shape[0] + r, SWINGS] != 0.0:
+        if rest > 0.0 or m.clock[plan * m.robot_figures.shape[0] + r].swings != 0:
             settled = max(settled, max(rest, 0.0) + m.robot_figures[r].settle_time)
     if plan == NEXT:
-        m.effort[STAMP] += 1
-        m.span[HORIZON] = horizon
-        m.span[SETTLED] = max(horizon, settled)
+        m.effort[0].stamp += 1
+        m.span[0].horizon = horizon
+        m.span[0].settled = max(horizon, settled)
     middle, width, spread = m.middle[plan], m.width[plan], m.spread[plan]
     for b in range(m.parent.shape[0]):
         middle[b] = width[b] = spread[b] = 0.0
@@ -94,17 +80,17 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
     figures, robot = m.joint_figures[j], m.robot_figures[r]
     clock = m.clock[plan * m.robot_figures.shape[0] + r]
     up, down = m.up[plan * n + j], m.down[plan * n + j]
-    if clock[STILL] != 0.0:
+    if clock.still != 0:
         clear(up)
         clear(down)
         return 0.0
     points = m.curves.shape[1] if figures.curve != 0.0 else 0
-    brakes = clock[BRAKING] != 0.0
+    brakes = clock.braking != 0
     if brakes:
         points = 0
     order = Order(
-        reaction=clock[REACTION],
-        passed=clock[PASSED],
+        reaction=clock.reaction,
+        passed=clock.passed,
         ramp=0.0 if brakes else robot.ramp,
         least=figures.brake_deceleration if brakes else figures.deceleration,
         most=inf if brakes else figures.deceleration_most,
@@ -114,28 +100,28 @@ def plan_joint(plan: int, j: int, m: Motion) -> float:
     driven, curve = m.driven[plan * n + j], m.curves[j, :points]
     plan_stop(high, low, driven[0], order, figures, curve, up)
     plan_stop(low, high, driven[1], order, figures, curve, down)
-    if clock[SWINGS] != 0.0 and points == 0:
+    if clock.swings != 0 and points == 0:
         # The speed at the start of the stop is not measured any more but remembered.
         for side in range(2):
             stop = up if side == 0 else down
-            swing = m.swings[j, OF_STOP]
+            swing = m.swings[j].swing
             if stop.opposite_speed == 0.0:
                 stop.swing = swing
             # It may swing already, from one side of its rest to the other, but never
             # beyond the proven positions of the stop.
-            beyond = m.swings[j, HIGHEST] - m.q[j]
+            beyond = m.swings[j].highest - m.q[j]
             if side == 1:
-                beyond = m.q[j] - m.swings[j, LOWEST]
+                beyond = m.q[j] - m.swings[j].lowest
             stop.swing_back = max(min(2.0 * swing, beyond), 0.0)
             rest = max(up.rest_time, down.rest_time, 0.0)
             stop.settled = rest + robot.settle_time
-    return float(max(up.rest_time, down.rest_time) - clock[AGE])
+    return float(max(up.rest_time, down.rest_time) - clock.age)
 
 
 @kernel
 def error_of(j: int, m: Motion) -> float:
     """Greatest error of a joint's position; 0 if its motion is left out."""
-    still = m.clock[m.robot_of_joint[j], STILL] != 0.0
+    still = m.clock[m.robot_of_joint[j]].still != 0
     return 0.0 if still else float(m.joint_figures[j].position_error)
 
 
@@ -161,10 +147,10 @@ def plan_segment(first: Vector, last: Vector, m: Motion) -> None:
         m: The prediction.
     """
     n = m.q.shape[0]
-    m.effort[STAMP] += 1
-    m.effort[TESTS] = 0
-    m.span[SEGMENT] = 1.0
-    m.span[HORIZON] = m.span[SETTLED] = 0.0
+    m.effort[0].stamp += 1
+    m.effort[0].tests = 0
+    m.span[0].segment = 1
+    m.span[0].horizon = m.span[0].settled = 0.0
     for j in range(n):
         m.q[j] = 0.5 * (first[j] + last[j])
         m.q_half[j] = 0.5 * (last[j] - first[j])
@@ -185,7 +171,7 @@ def measured_speeds(m: Motion) -> None:
         m.speed[b] = 0.0
         if m.joint_kind[b] != NO_JOINT:
             j = m.q_index[b]
-            if m.clock[m.robot_of_joint[j], STILL] == 0.0:
+            if m.clock[m.robot_of_joint[j]].still == 0:
                 fastest = max(abs(m.v_low[j]), abs(m.v_high[j]))
                 m.speed[b] = abs(m.gain[b, 0]) * fastest
 
@@ -226,16 +212,16 @@ def make_node(plan: int, node: int, m: Motion) -> None:
     in [-1, 1] that is common to all joints.
     """
     at = plan * NODES + node
-    if m.node_stamp[at] == m.effort[STAMP]:
+    if m.node_stamp[at] == m.effort[0].stamp:
         return
-    m.node_stamp[at] = m.effort[STAMP]
-    start, end = span_of(node, m.span[HORIZON])
+    m.node_stamp[at] = m.effort[0].stamp
+    start, end = span_of(node, m.span[0].horizon)
     bodies = m.parent.shape[0]
     way, wide, grow = m.node_way[at], m.node_wide[at], m.node_grow[at]
-    if m.span[SEGMENT] != 0.0:
+    if m.span[0].segment != 0:
         start, end = span_of(node, 1.0)
     for j in range(m.q.shape[0]):
-        if m.span[SEGMENT] != 0.0:
+        if m.span[0].segment != 0:
             middle = m.q_half[j] * (start + end - 1.0)
             half, first, last = m.q_half[j] * (end - start), 0.0, 0.0
         else:
@@ -294,7 +280,7 @@ def joint_span(
     """
     n, robots = m.q.shape[0], m.robot_figures.shape[0]
     up, down = m.up[plan * n + j], m.down[plan * n + j]
-    age = m.clock[plan * robots + m.robot_of_joint[j], AGE]
+    age = m.clock[plan * robots + m.robot_of_joint[j]].age
     start += age
     end += age
     high_0, high_1 = farthest(start, up), farthest(end, up)

@@ -28,7 +28,7 @@ from math import sqrt
 
 from armguard.geometry.vec3 import Vec3, add, cross, dot, norm, scaled, sub
 from armguard.kernel import kernel
-from armguard.motion.state import AT_MIDDLE, BALL_RADIUS, NEXT, Motion
+from armguard.motion.state import NEXT, Motion
 from armguard.motion.stop_path import write_axis
 from armguard.robot.kinematics import FIXED as NO_JOINT
 from armguard.robot.kinematics import REVOLUTE, forward_kinematics
@@ -48,7 +48,7 @@ def bound_twists(boxes: Matrix, bodies: IntVector, m: Motion) -> None:
         bodies: Body of each primitive, shape (p,); the moving ones are first.
         m: The prediction; its axes and plans are written already.
     """
-    m.effort[AT_MIDDLE] = 0
+    m.effort[0].at_middle = 0
     for b in range(m.parent.shape[0]):
         write_twists(b, m)
     for i in range(m.reach.shape[1]):
@@ -56,9 +56,9 @@ def bound_twists(boxes: Matrix, bodies: IntVector, m: Motion) -> None:
         square = 0.0
         for k in range(3):
             half = 0.5 * (boxes[i, k + 3] - boxes[i, k])
-            ball[k] = boxes[i, k] + half
+            ball.centre[k] = boxes[i, k] + half
             square += half * half
-        ball[BALL_RADIUS] = sqrt(square)
+        ball.radius = sqrt(square)
         write_loose(i, bodies[i], m)
 
 
@@ -71,7 +71,7 @@ def place_at_middle(bodies: IntVector, T_world: Matrix, m: Motion) -> None:
         T_world: Measured poses of the bodies, shape (b, 12).
         m: The prediction; its balls are written already.
     """
-    m.effort[AT_MIDDLE] = 1
+    m.effort[0].at_middle = 1
     for j in range(m.q.shape[0]):
         m.q_node[j] = m.q[j]
     for b in range(m.parent.shape[0]):
@@ -92,7 +92,7 @@ def place_at_middle(bodies: IntVector, T_world: Matrix, m: Motion) -> None:
         write_axis(m.middle_T[b], m.axis[b], m.middle_axes[b])
     for i in range(m.reach.shape[1]):
         b = bodies[i]
-        carry(m.balls[i], T_world[b], m.middle_T[b], m.middle_balls[i])
+        carry(m.balls[i].centre, T_world[b], m.middle_T[b], m.middle_balls[i])
 
 
 @kernel
@@ -150,9 +150,9 @@ def middle_gap(
     if not distance > 0.0:
         return 0.0
     n = scaled(1.0 / distance, way)
-    gap = distance - m.balls[i, BALL_RADIUS] - deviation(i, n, shared, body_i, m)
+    gap = distance - m.balls[i].radius - deviation(i, n, shared, body_i, m)
     if moves:
-        gap -= m.balls[j, BALL_RADIUS] + deviation(j, n, shared, body_j, m)
+        gap -= m.balls[j].radius + deviation(j, n, shared, body_j, m)
     return float(gap)
 
 
@@ -243,8 +243,7 @@ def joint_range(block: int, b: int, m: Motion) -> tuple[float, float]:
 @kernel
 def write_loose(i: int, body: int, m: Motion) -> None:
     """Write what may add to the twists of a primitive: deviations, higher orders."""
-    ball = m.balls[i]
-    radius = ball[BALL_RADIUS]
+    centre, radius = m.balls[i].centre, m.balls[i].radius
     travel = speed = turned = 0.0
     for k in range(m.length[body]):
         b = m.joints[body, k]
@@ -252,10 +251,9 @@ def write_loose(i: int, body: int, m: Motion) -> None:
         size = m.spread[NEXT, b]
         near = lever
         if m.joint_kind[b] == REVOLUTE:
-            arm = (
-                ball[0] - m.axes[b, 3], ball[1] - m.axes[b, 4], ball[2] - m.axes[b, 5]
-            )  # fmt: skip
-            u = cross((m.axes[b, 0], m.axes[b, 1], m.axes[b, 2]), arm)
+            axis = m.axes[b]
+            arm = (centre[0] - axis[3], centre[1] - axis[4], centre[2] - axis[5])
+            u = cross((axis[0], axis[1], axis[2]), arm)
             near = min(lever, norm(u) + radius)
             more = turned + size
             travel += higher_orders(turned, more, lever)
@@ -278,7 +276,7 @@ def own_bound(block: int, i: int, body: int, m: Motion) -> float:
         m: The prediction.
     """
     turn, shift = twist_at(block, i, body, m)
-    return float(norm(shift) + m.balls[i, BALL_RADIUS] * norm(turn) + m.loose[block, i])
+    return float(norm(shift) + m.balls[i].radius * norm(turn) + m.loose[block, i])
 
 
 @kernel
@@ -306,8 +304,8 @@ def relative_bound(
         turn_j, shift_j = sub(turn_j, turn), sub(shift_j, shift)
     return float(
         norm(sub(shift_i, shift_j))
-        + m.balls[i, BALL_RADIUS] * norm(turn_i)
-        + m.balls[j, BALL_RADIUS] * norm(turn_j)
+        + m.balls[i].radius * norm(turn_i)
+        + m.balls[j].radius * norm(turn_j)
         + m.loose[block, i]
         + m.loose[block, j]
     )
@@ -341,21 +339,21 @@ def bound_along(
         turn, shift = twist_at(block, i, m.joints[body_i, shared - 1], m)
         turn_i, shift_i = sub(turn_i, turn), sub(shift_i, shift)
     found = dot(n, shift_i) + m.loose[block, i]
-    found += m.balls[i, BALL_RADIUS] * norm(cross(n, turn_i))
+    found += m.balls[i].radius * norm(cross(n, turn_i))
     if j >= m.loose.shape[1]:
         return float(found)
     turn_j, shift_j = twist_at(block, j, body_j, m)
     if shared > 0:
         turn, shift = twist_at(block, j, m.joints[body_j, shared - 1], m)
         turn_j, shift_j = sub(turn_j, turn), sub(shift_j, shift)
-    found += m.balls[j, BALL_RADIUS] * norm(cross(n, turn_j))
+    found += m.balls[j].radius * norm(cross(n, turn_j))
     return float(found - dot(n, shift_j) + m.loose[block, j])
 
 
 @kernel
 def twist_at(block: int, i: int, body: int, m: Motion) -> tuple[Vec3, Vec3]:
     """Twist of a body: its rotation, and the motion of the centre of a ball."""
-    row, ball = m.twists[block * m.parent.shape[0] + body], m.balls[i]
+    row, ball = m.twists[block * m.parent.shape[0] + body], m.balls[i].centre
     turn = (row[0], row[1], row[2])
     swing = cross(turn, (ball[0], ball[1], ball[2]))
     return (turn, add((row[3], row[4], row[5]), swing))

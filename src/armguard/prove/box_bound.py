@@ -18,7 +18,7 @@ Everything stands in the frame of the body that carries both chains.
 """
 
 from math import inf, pi, sin
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numba
 import numpy as np
@@ -31,8 +31,14 @@ from armguard.geometry.vec3 import Vec3, cross, norm, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
 from armguard.motion.gap_bound import curvature, side_reach
-from armguard.motion.joint_rows import joint_ranges, joint_rows
+from armguard.motion.joint_rows import (
+    JointRow,
+    SideMotion,
+    joint_ranges,
+    joint_rows,
+)
 from armguard.prove.pair_proof import TOUCHING
+from armguard.record import Records, record
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
 from armguard.table import IntMatrix, IntVector, Matrix, Vector, opener, table
 
@@ -42,13 +48,24 @@ Longs = NDArray[np.int64]
 # Points that hold a shape: its convex hull lies in theirs, grown by the radius.
 HOLD_POINTS = 8
 
-# Places in a row of bounds.
-LOWER = 0  # lower bound of the distance over the box, the best of all models [m]
-UPPER = 1  # upper bound of the distance over the box, the worst of all models [m]
-GAP = 2  # signed distance of the exact shapes in the middle of the box [m]
-APART = 3  # the best distance of all models there [m]
-SPLIT = 4  # place in q of the joint that moves the worst pair the most
-BOUNDS = 5
+
+@record
+class BoxBounds:
+    """Bounds of two links' distance over a box of joint positions.
+
+    Attributes:
+        lower: Lower bound of the distance over the box, the best of all models [m].
+        upper: Upper bound of the distance over the box, the worst of all models [m].
+        exact_distance: Signed distance of the exact shapes in the box's middle [m].
+        distance: Greatest signed distance of all models there [m].
+        split: Place in q of the joint that moves the nearest pair the most.
+    """
+
+    lower: float
+    upper: float
+    exact_distance: float
+    distance: float
+    split: int
 
 
 @table
@@ -84,7 +101,8 @@ class LinkPair(NamedTuple):
         balls: Middle and radius of a ball round each shape, shape (s, 4).
         placed: 1 for shapes that are placed in this box, shape (s,).
         moves: Scratch for how far each joint moves a pair, shape (n,).
-        lever_rows: Scratch, see `joint_rows`.
+        lever_rows: Scratch for gradients, see `joint_rows`, shape (depth,).
+        hessian: Scratch for second derivatives, shape (depth, depth).
     """
 
     parent: IntVector
@@ -114,7 +132,8 @@ class LinkPair(NamedTuple):
     balls: Matrix
     placed: IntVector
     moves: Vector
-    lever_rows: Matrix
+    lever_rows: Annotated[Records[JointRow], 1]
+    hessian: Matrix
 
 
 open_link_pair = opener(LinkPair)
@@ -184,10 +203,9 @@ def directed_gap(i: int, j: int, n: Vec3, bend: float, t: LinkPair) -> float:
         chain, count, rows = t.chains[side], t.lengths[side], t.lever_rows
         joint_rows(along, chain, 0, count, t.axes, 0, t.joint_kind, rows)
         joint_ranges(chain, 0, count, t.middle, t.width, rows)
-        reach = side_reach(
-            t.kinds[s], t.rows[s], along, False, t.sway[s], 0, count, rows
-        )
-        gap -= reach[0]
+        motion = SideMotion(along, False, t.sway[s], 0, count, rows, t.hessian)
+        reach, _ = side_reach(t.kinds[s], t.rows[s], motion)
+        gap -= reach
     return float(gap - bend)
 
 
@@ -259,9 +277,52 @@ def least_distance(i: int, j: int, witness: Floats, t: LinkPair) -> float:
     return float(own) if own > -inf else -inf
 
 
+@kernel(inline=False)
+def bound_model(
+    model: int, full: int, witness: Floats, t: LinkPair
+) -> tuple[float, float, float, int]:
+    """Bounds of two links' distance over a box, by one model.
+
+    Args:
+        model: The model.
+        full: See `bound_boxes`.
+        witness: Scratch for a pair's witness.
+        t: The links; their bodies are in the middle of the box.
+
+    Returns:
+        Lower bound of the distance, its value in the middle of the box, its upper
+        bound [m], and the joint that moves the nearest pair the most.
+    """
+    lower = nearest = upper = inf
+    split = 0
+    for k in range(t.models[model], t.models[model + 1]):
+        i, j = t.pairs[k, 0], t.pairs[k, 1]
+        for s in (i, j):
+            if t.placed[s] == 0:
+                t.placed[s] = 1
+                place_shape(s, t)
+        both = t.sway[i] + t.sway[j]
+        clear = ball_gap(i, j, t)
+        if clear > nearest and clear - both > lower and clear + both > upper:
+            # None of the three is that of this pair.
+            continue
+        measure(t.kinds[i], t.rows[i], t.kinds[j], t.rows[j], witness)
+        distance = witness[0]
+        nearest = min(nearest, distance)
+        upper = min(upper, distance + both)
+        own = least_distance(i, j, witness, t)
+        if own < lower:
+            lower = own
+            if model == 0:
+                split = widest_joint(i, j, t)
+        if model > 0 and full == 0 and not own > TOUCHING:
+            return (lower, -inf, upper, split)
+    return (lower, nearest, upper, split)
+
+
 @kernel(inline=False, entry=True)
 def bound_boxes(
-    centres: Floats, halves: Floats, full: int, lines: Longs, out: Floats
+    centres: Floats, halves: Floats, full: int, lines: Longs, out: Records[BoxBounds]
 ) -> None:
     """Bounds of two links' distance over boxes of joint positions.
 
@@ -275,50 +336,21 @@ def bound_boxes(
         full: 1 to look at every model in full; 0 where the lower bound alone is wanted,
             and the others are what the search for it came upon.
         lines: Ledger of the links, a `LinkPair`.
-        out: Bounds, overwritten, shape (k, BOUNDS).
+        out: Bounds, overwritten, shape (k,).
     """
     t = open_link_pair(lines)
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     for box in range(centres.shape[0]):
+        found = out[box]
         place_box(centres[box], halves[box], t)
-        best_lower = best_apart = best_upper = -inf
-        gap = inf
-        split = 0
-        for m in range(t.models.shape[0] - 1):
-            lower = nearest = upper = inf
-            for k in range(t.models[m], t.models[m + 1]):
-                i, j = t.pairs[k, 0], t.pairs[k, 1]
-                for end in range(2):
-                    s = i if end == 0 else j
-                    if t.placed[s] == 0:
-                        t.placed[s] = 1
-                        place_shape(s, t)
-                both = t.sway[i] + t.sway[j]
-                clear = ball_gap(i, j, t)
-                if clear > nearest and clear - both > lower and clear + both > upper:
-                    # None of the three is that of this pair.
-                    continue
-                measure(t.kinds[i], t.rows[i], t.kinds[j], t.rows[j], witness)
-                distance = witness[0]
-                nearest = min(nearest, distance)
-                upper = min(upper, distance + both)
-                own = least_distance(i, j, witness, t)
-                if own < lower:
-                    lower = own
-                    if m == 0:
-                        split = widest_joint(i, j, t)
-                if m > 0 and full == 0 and not own > TOUCHING:
-                    nearest = -inf
-                    break
-            if m == 0:
-                gap = nearest
-            best_lower = max(best_lower, lower)
-            best_apart = max(best_apart, nearest)
-            best_upper = max(best_upper, upper)
-            if best_lower > TOUCHING and full == 0:
+        found.lower = found.distance = found.upper = -inf
+        found.exact_distance, found.split = inf, 0
+        for model in range(t.models.shape[0] - 1):
+            lower, nearest, upper, split = bound_model(model, full, witness, t)
+            if model == 0:
+                found.exact_distance, found.split = nearest, split
+            found.lower = max(found.lower, lower)
+            found.distance = max(found.distance, nearest)
+            found.upper = max(found.upper, upper)
+            if found.lower > TOUCHING and full == 0:
                 break
-        out[box, LOWER] = best_lower
-        out[box, UPPER] = best_upper
-        out[box, GAP] = gap
-        out[box, APART] = best_apart
-        out[box, SPLIT] = split

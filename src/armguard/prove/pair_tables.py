@@ -17,8 +17,9 @@ from armguard.geometry.shapes import (
     shape_row,
 )
 from armguard.motion.chains import anchor
-from armguard.motion.joint_rows import HESSIAN
-from armguard.prove.box_bound import BOUNDS, HOLD_POINTS, LinkPair, bound_boxes
+from armguard.motion.joint_rows import JointRow
+from armguard.prove.box_bound import HOLD_POINTS, BoxBounds, LinkPair, bound_boxes
+from armguard.record import dtype_of, records
 from armguard.robot.kinematics import FIXED, KinematicTable
 from armguard.robot.limits import joint_limits
 from armguard.robot.model import FittedLink, RobotModel
@@ -74,15 +75,15 @@ class PairTables:
     surfaces: dict[str, NDArray[Any]]
     shapes: tuple[Shape, ...]
 
-    def bounds(self, centres: Floats, halves: Floats, *, full: bool) -> Floats:
-        """Bounds over boxes of positions, shape (k, BOUNDS), see `bound_boxes`.
+    def bounds(self, centres: Floats, halves: Floats, *, full: bool) -> Any:
+        """`BoxBounds` of boxes of positions, shape (k,), see `bound_boxes`.
 
         Args:
             centres: Their middles, shape (k, n) [rad or m].
             halves: Their half widths, shape (k, n) [rad or m].
             full: Whether more than the lower bound is wanted.
         """
-        out = np.empty((len(centres), BOUNDS))
+        out: Any = np.empty(len(centres), dtype_of(BoxBounds))
         bodies, shapes = len(self.kinematics["parent"]), len(self.surfaces["kinds"])
         depth = self.kinematics["chains"].shape[1]
         links = LinkPair(
@@ -99,7 +100,8 @@ class PairTables:
             balls=np.zeros((shapes, 4)),
             placed=np.zeros(shapes, dtype=np.int32),
             moves=np.zeros(max(len(self.joints), 1)),
-            lever_rows=np.zeros((depth, HESSIAN + depth)),
+            lever_rows=records(depth, JointRow),
+            hessian=np.zeros((depth, depth)),
         )
         boxes = np.ascontiguousarray(centres), np.ascontiguousarray(halves)
         bound_boxes(*boxes, int(full), Ledger(links).lines, out)
@@ -266,7 +268,7 @@ def hold_points(shape: Shape, row: Floats, T: Floats) -> tuple[Floats, float]:
         best = min(boxes, key=lambda b: float(np.linalg.norm(b[0] - b[-1])))
         return best @ T[:3, :3].T + T[:3, 3], float(row[0])
     capsule = anchor(int(kind), row)
-    return capsule[:6].reshape(2, 3), float(capsule[6])
+    return np.array([capsule.start, capsule.end]), capsule.radius
 
 
 def corner_points(points: Floats, frame: Floats) -> Floats:

@@ -4,11 +4,11 @@ from collections import deque
 from dataclasses import replace
 from math import inf
 from time import monotonic
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.prove.box_bound import APART, GAP, LOWER, SPLIT, UPPER
 from armguard.prove.pair_proof import TOUCHING, PairProof, Verdict
 from armguard.prove.pair_tables import PairTables
 from armguard.prove.sampling import KEPT, first_samples, least_found
@@ -64,7 +64,7 @@ class PairSearch:
         rng = np.random.default_rng(seed)
         samples = first_samples(lower, upper, rng)
         self.nearest, self.least = least_found(
-            lambda q: self._at(q)[:, APART], samples, lower, upper, rng
+            lambda q: self._at(q)["distance"], samples, lower, upper, rng
         )
         self.farthest: Floats
         self.greatest: float
@@ -72,14 +72,14 @@ class PairSearch:
             self.farthest, self.greatest = solid.farthest, solid.greatest
         else:
             self.farthest, away = least_found(
-                lambda q: -self._at(q)[:, APART], samples, lower, upper, rng
+                lambda q: -self._at(q)["distance"], samples, lower, upper, rng
             )
             self.greatest = -away
         self.boxes = 0
         self.proven = np.inf
         self._touches = self.least <= TOUCHING
         self._parts = self.greatest > TOUCHING
-        near = np.argsort(self._at(samples)[:, GAP])[: 2 * KEPT]
+        near = np.argsort(self._at(samples)["exact_distance"])[: 2 * KEPT]
         if not self._touches:
             self.tables = worthy_models(
                 tables, np.concatenate([[self.nearest], samples[near]])
@@ -157,7 +157,7 @@ class PairSearch:
             self._step()
         self.seconds += monotonic() - start
 
-    def _at(self, q: Floats) -> Floats:
+    def _at(self, q: Floats) -> Any:
         """Bounds at configurations, boxes without width, by every model."""
         return self._every.bounds(q, np.zeros_like(q), full=True)
 
@@ -179,9 +179,7 @@ class PairSearch:
         found = self.tables.bounds(centre, half, full=self._touches)
         self.boxes += len(centre)
         self._see(centre, found)
-        bound = np.maximum(
-            known, -found[:, UPPER] if self._touches else found[:, LOWER]
-        )
+        bound = np.maximum(known, -found["upper"] if self._touches else found["lower"])
         done = bound >= -TOUCHING if self._touches else bound > TOUCHING
         if done.any() and not self._touches:
             self.proven = min(self.proven, float(bound[done].min()))
@@ -194,7 +192,7 @@ class PairSearch:
             self._bounded = False
             return
         each = np.arange(len(left))
-        split = found[left, SPLIT].astype(np.intp)
+        split = found[left]["split"].astype(np.intp)
         half = half.copy()
         half[each, split] /= 2.0
         low, high = centre.copy(), centre.copy()
@@ -221,18 +219,18 @@ class PairSearch:
             for centre, half, known in self._waiting
         )
 
-    def _see(self, q: Floats, found: Floats) -> None:
+    def _see(self, q: Floats, found: NDArray[Any]) -> None:
         """Remember the nearest and the farthest met on the way."""
-        low, high = int(np.argmin(found[:, APART])), int(np.argmax(found[:, APART]))
-        if found[low, APART] < self.least:
+        low, high = int(np.argmin(found["distance"])), int(np.argmax(found["distance"]))
+        if found[low]["distance"] < self.least:
             # Not every model was asked for its distance.
-            real = float(self._at(q[low : low + 1])[0, APART])
+            real = float(self._at(q[low : low + 1])[0]["distance"])
             if real < self.least:
                 self.nearest, self.least = q[low], real
                 if real <= TOUCHING and not self._touches:
                     self._turn_to_contact()
-        if found[high, APART] > self.greatest:
-            self.farthest, self.greatest = q[high], float(found[high, APART])
+        if found[high]["distance"] > self.greatest:
+            self.farthest, self.greatest = q[high], float(found[high]["distance"])
             self._parts = self._parts or self.greatest > TOUCHING
 
 
@@ -251,7 +249,7 @@ def worthy_models(tables: PairTables, q: Floats) -> PairTables:
         own = pairs[models[m] : models[m + 1]]
         ends = np.array([0, len(own)], dtype=np.int32)
         alone = replace(tables, surfaces={**surfaces, "pairs": own, "models": ends})
-        gaps = alone.bounds(q, still, full=True)[:, GAP]
+        gaps = alone.bounds(q, still, full=True)["exact_distance"]
         if m == 0:
             exact = gaps
         elif not (gaps > exact + WORTH).any():

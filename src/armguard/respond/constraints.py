@@ -9,7 +9,7 @@ from armguard.guard.grips import ContractKind, ContractState
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, REACTION, Motion
+from armguard.motion.state import NEXT, Motion
 from armguard.respond.leaving import (
     NO_ROW,
     SURELY,
@@ -197,7 +197,7 @@ def lost_till_then(r: int, a: Response, v: Watch, m: Motion) -> float:
 @kernel
 def time_to_effect(r: int, m: Motion) -> float:
     """Time until a command to a robot in this cycle surely takes effect [s]."""
-    return float(m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION])
+    return float(m.clock[NEXT * m.robot_figures.shape[0] + r].reaction)
 
 
 @kernel

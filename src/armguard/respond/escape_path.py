@@ -20,9 +20,9 @@ from armguard.guard.needs import robot_of, static_need, time_since
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.index.octree_query import primitives_in_box
-from armguard.index.octree_state import ABSENT, STATUS
+from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, REACTION, Motion
+from armguard.motion.state import NEXT, Motion
 from armguard.respond.escape_state import (
     APPROACHING_COUNT,
     DELAY,
@@ -126,7 +126,7 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
         figures = m.joint_figures[j]
         rise = max(rise, abs(e.trial[j] - v.commanded[j]) / figures.acceleration)
         fall = max(fall, abs(e.trial[j]) / figures.deceleration)
-    plan[DELAY] = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
+    plan[DELAY] = m.clock[NEXT * m.robot_figures.shape[0] + r].reaction
     plan[RISE] = rise
     plan[GO] = max(go, rise)
     plan[FALL] = fall
@@ -346,7 +346,7 @@ def found_near(i: int, e: Escape, w: Workspace) -> int:
 @kernel
 def may_be_met(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> bool:
     """Whether a primitive is present, not the robot's own and not approaching it."""
-    if robot_of(j, v) == r or w.octree.residency[j, STATUS] == ABSENT:
+    if robot_of(j, v) == r or w.octree.residency[j].status == ABSENT:
         return False
     for c in range(e.counts[APPROACHING_COUNT]):
         if e.approaching[c] == j:

@@ -16,7 +16,7 @@ from armguard.guard.motion_pairs import asks_index
 from armguard.guard.needs import robot_of, time_since
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
 from armguard.guard.workspace import Workspace
-from armguard.index.octree_state import ABSENT, STATUS
+from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion
@@ -267,7 +267,7 @@ def look_for_approaching(
     for c in range(v.movers.shape[0]):
         j = int(v.movers[c])
         speed = speed_of(j, v)
-        if not speed > SLOWEST or w.octree.residency[j, STATUS] == ABSENT:
+        if not speed > SLOWEST or w.octree.residency[j].status == ABSENT:
             continue
         approaches, way = True, 0.0
         since = time_since(v.seen_at[j], v, m)

@@ -23,7 +23,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
-from armguard.motion.state import SETTLED, Motion
+from armguard.motion.state import Motion
 from armguard.respond.evasion import gets_out_of_its_way
 from armguard.respond.state import (
     ASKS,
@@ -54,7 +54,7 @@ def spare_at_rest(
     spare = near.distance - static_need(i, j, w, v, m) - m.blur[i]
     if robot_of(j, v) >= 0:
         return float(spare - m.blur[j])
-    return float(spare - object_speed(j, v) * m.span[SETTLED])
+    return float(spare - object_speed(j, v) * m.span[0].settled)
 
 
 @kernel

@@ -19,7 +19,7 @@ from armguard.guard.needs import robot_of
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.motion.state import NEXT, REACTION, Motion
+from armguard.motion.state import NEXT, Motion
 from armguard.respond.state import (
     ROW_COUNT,
     ROWS,
@@ -169,7 +169,7 @@ def slow_arm(
 @kernel
 def granted_speed(r: int, distance: float, c: ContractRow, m: Motion) -> float:
     """Closing speed that a response uses under a contract [m/s]."""
-    time = m.clock[NEXT * m.robot_figures.shape[0] + r, REACTION]
+    time = m.clock[NEXT * m.robot_figures.shape[0] + r].reaction
     return float(GRANTED * allowed_speed(distance, time, c))
 
 
