@@ -38,6 +38,9 @@ class Records(Protocol[Row_co]):
     def __getitem__(self, k: int | str) -> Any:
         """A row by its number, or a field of all rows by its name; by reference."""
 
+    def fill(self, value: float) -> None:
+        """Set all fields of all rows to a number."""
+
 
 def records(shape: Any, declared: type) -> Any:
     """An array of records, all zero; a NumPy array to Python, `Records` to kernels.

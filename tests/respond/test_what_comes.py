@@ -10,11 +10,7 @@ from armguard.index.octree_state import ABSENT, RESIDENCY_WIDTH, STATUS
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
 from armguard.respond.escape_state import (
-    APPROACHING_COUNT,
-    COUNTS,
-    HORIZON,
-    OWN_COUNT,
-    PLAN,
+    EscapePlan,
 )
 from armguard.respond.evasion import BEHIND, BESIDE, FORESIGHT, look_for_approaching
 from armguard.respond.state import Behaviour
@@ -52,11 +48,10 @@ def found(centre, velocity, half=0.05, present=True):
     counts = np.zeros(4, dtype=np.int32)
     counts[MOVING_COUNT] = 3
     e = record(
-        counts=np.zeros(COUNTS, dtype=np.int64),
         reach=np.zeros(6),
         own=np.zeros(4, dtype=np.int32),
         approaching=np.zeros(16, dtype=np.int32),
-        plan=np.zeros(PLAN),
+        plan=records(1, EscapePlan),
     )
     w = record(
         settings=counts,
@@ -73,9 +68,9 @@ def found(centre, velocity, half=0.05, present=True):
     )
     m = record(robot_figures=records(1, RobotFigures))
     look(record(settings=settings), e, w, v, m)
-    assert e.counts[OWN_COUNT] == 2
+    assert e.plan[0].own_count == 2
     assert e.reach == pytest.approx(np.concatenate([LOW, HIGH]))
-    return e.counts[APPROACHING_COUNT] == 1, e.plan[HORIZON]
+    return e.plan[0].approaching_count == 1, e.plan[0].horizon
 
 
 def comes(centre, velocity, half=0.05):

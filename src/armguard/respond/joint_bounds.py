@@ -14,10 +14,8 @@ from armguard.respond.command import Changed
 from armguard.respond.constraints import (
     time_to_effect,
 )
-from armguard.respond.lead_state import BY_RETREAT, LED
+from armguard.respond.lead_state import Source
 from armguard.respond.state import (
-    CHANGED,
-    RETREATS,
     Response,
 )
 
@@ -97,7 +95,7 @@ def frame_limits(
     end = first + robot.joint_count
     share = a.speed[r]
     # A recovery begins at a speed that surely opens the pairs.
-    begins = a.notes[r, RETREATS] != 0 and v.phase[r] == RESTING and v.evades[r] == 0
+    begins = a.notes[r].recovers != 0 and v.phase[r] == RESTING and v.evades[r] == 0
     slower = 1.0
     for j in range(first, end):
         top = share * m.joint_figures[j].velocity
@@ -130,7 +128,7 @@ def frame_limits(
         if within != target[j]:
             changed |= BY_LIMITS
             target[j] = within
-    a.notes[r, CHANGED] = changed
+    a.notes[r].changed = changed
 
 
 @kernel
@@ -158,7 +156,7 @@ def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
 @kernel
 def retreats(r: int, a: Response) -> bool:
     """Whether a robot retreats, so that it keeps to its path."""
-    return bool(a.lead.notes[r, LED] == BY_RETREAT)
+    return bool(a.lead.notes[r].source == Source.RETREAT)
 
 
 @kernel

@@ -33,7 +33,6 @@ from armguard.guard.workspace import INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, REACTION, Motion
 from armguard.respond.state import (
-    ROW_COUNT,
     ROWS,
     Response,
 )
@@ -130,7 +129,7 @@ def slow_to_rows(
     h = w.grips
     c = h.contracts[k]
     kept = 1.0
-    for row in range(begin, a.notes[r, ROW_COUNT]):
+    for row in range(begin, a.notes[r].row_count):
         at = r * ROWS + row
         kept = min(kept, share_kept(r, a.rows[at], a.limits[at], c, a, w, m))
     slow_arm(r, kept, c, a, w, m)
