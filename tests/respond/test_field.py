@@ -10,9 +10,7 @@ from armguard.guard.workspace import open_workspace
 from armguard.respond import Action, Blocked
 from armguard.respond.field import STEEPEST, field_at, repel
 from armguard.respond.lead_state import Source
-from armguard.respond.state import (
-    open_response,
-)
+from armguard.respond.state import open_response
 from armguard.respond.tool_motion import solve_positive, turn_between
 from armguard.scene import Scene
 from bay_loop import LEFT, RIGHT, TOP, bay_guard, bay_loop, tool_pose

@@ -9,9 +9,7 @@ from armguard.guard.workspace import MOVING_COUNT
 from armguard.index.octree_state import ABSENT, RESIDENCY_WIDTH, STATUS
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
-from armguard.respond.escape_state import (
-    EscapePlan,
-)
+from armguard.respond.escape_state import EscapePlan
 from armguard.respond.evasion import BEHIND, BESIDE, FORESIGHT, look_for_approaching
 from armguard.respond.state import Behaviour
 from records import record

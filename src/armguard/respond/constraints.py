@@ -11,19 +11,9 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, REACTION, Motion
-from armguard.respond.leaving import (
-    NO_ROW,
-    SURELY,
-)
-from armguard.respond.state import (
-    BY_PRIORITY,
-    EQUALLY,
-    ROWS,
-    Response,
-)
-from armguard.respond.straight import (
-    granted_speed,
-)
+from armguard.respond.leaving import NO_ROW, SURELY
+from armguard.respond.state import BY_PRIORITY, EQUALLY, ROWS, Response
+from armguard.respond.straight import granted_speed
 
 Floats = NDArray[np.float64]
 

@@ -36,12 +36,7 @@ from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
 from armguard.respond.program import BY_ROWS, add_pairs, breaks_rows, scale_back
 from armguard.respond.programs import solve_programs
-from armguard.respond.state import (
-    POSITIONS,
-    STANDSTILL,
-    TWISTS,
-    Response,
-)
+from armguard.respond.state import POSITIONS, STANDSTILL, TWISTS, Response
 from armguard.respond.tool_asking import ask_for_tools
 
 WRONG_COMMAND = int(Reason.WRONG_COMMAND)

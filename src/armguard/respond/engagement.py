@@ -23,11 +23,7 @@ from armguard.guard.watch import (
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
-from armguard.respond.state import (
-    POSITIONS,
-    STANDSTILL,
-    Response,
-)
+from armguard.respond.state import POSITIONS, STANDSTILL, Response
 
 # Below this requested speed a joint counts as not requested to move [rad/s or m/s].
 NO_REQUEST = 1e-6
@@ -37,7 +33,7 @@ NO_REQUEST = 1e-6
 NEAR_AGAIN = 0.5
 
 
-class Standing(IntEnum):
+class Engagement(IntEnum):
     """Engagement of a robot by its operator."""
 
     FOLLOWING = 0
@@ -76,9 +72,9 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
         notes.blocked, notes.recovers = Blocked.TOO_NEAR, 1
         a.speed[r] = a.settings[r].recover_speed
         return True
-    if notes.engagement == Standing.CATCHING_UP:
+    if notes.engagement == Engagement.CATCHING_UP:
         a.speed[r] = a.settings[r].resume_speed
-    return bool(notes.engagement != Standing.WAITING)
+    return bool(notes.engagement != Engagement.WAITING)
 
 
 @kernel
@@ -91,7 +87,7 @@ def wait_if_stopped(r: int, a: Response, v: Watch) -> bool:
     notes, phase = a.notes[r], v.phase[r]
     if phase != STOPPING and phase != BRAKING and phase != LOST:
         return False
-    notes.engagement, notes.blocked = Standing.WAITING, Blocked.STOPPED
+    notes.engagement, notes.blocked = Engagement.WAITING, Blocked.STOPPED
     notes.gave_positions = notes.refused = 0
     return True
 
@@ -117,7 +113,7 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
     if rests and (notes.ordered_stop != 0 or v.cause[r] == Reason.OK):
         # The order replaces any other cause of the stop: `engage` must lift it.
         v.cause[r] = why
-    notes.engagement, notes.blocked = Standing.WAITING, Blocked.STOPPED
+    notes.engagement, notes.blocked = Engagement.WAITING, Blocked.STOPPED
     notes.gave_positions = notes.refused = 0
     return True
 
@@ -128,10 +124,14 @@ def stand_to_velocities(r: int, a: Response) -> None:
     notes = a.notes[r]
     notes.gave_positions = 0
     asks = notes.requests_motion != 0
-    if notes.engagement == Standing.CATCHING_UP or not asks or notes.request_opens > 0:
-        notes.engagement = Standing.FOLLOWING
+    if (
+        notes.engagement == Engagement.CATCHING_UP
+        or not asks
+        or notes.request_opens > 0
+    ):
+        notes.engagement = Engagement.FOLLOWING
     notes.blocked = (
-        Blocked.STOPPED if notes.engagement == Standing.WAITING else Blocked.NOT
+        Blocked.STOPPED if notes.engagement == Engagement.WAITING else Blocked.NOT
     )
 
 
@@ -144,15 +144,15 @@ def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     for j in range(first, first + m.robot_figures[r].joint_count):
         farthest = max(farthest, a.far[j])
     if farthest <= NEAR_AGAIN * settings.far:
-        notes.engagement = Standing.FOLLOWING
-    elif farthest > settings.far and notes.engagement == Standing.FOLLOWING:
+        notes.engagement = Engagement.FOLLOWING
+    elif farthest > settings.far and notes.engagement == Engagement.FOLLOWING:
         # The robot was delayed, the master jumped, or the robot starts elsewhere.
-        notes.engagement = Standing.CATCHING_UP
+        notes.engagement = Engagement.CATCHING_UP
         if notes.gave_positions == 0 and settings.far_start != 0.0:
-            notes.engagement, notes.refused = Standing.WAITING, 1
+            notes.engagement, notes.refused = Engagement.WAITING, 1
     notes.gave_positions = 1
     notes.blocked = Blocked.NOT
-    if notes.engagement == Standing.CATCHING_UP:
+    if notes.engagement == Engagement.CATCHING_UP:
         notes.blocked = Blocked.CATCHING_UP
-    elif notes.engagement == Standing.WAITING:
+    elif notes.engagement == Engagement.WAITING:
         notes.blocked = Blocked.FAR_START if notes.refused != 0 else Blocked.STOPPED

@@ -24,9 +24,7 @@ from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, STATUS
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, REACTION, Motion
-from armguard.respond.escape_state import (
-    Escape,
-)
+from armguard.respond.escape_state import Escape
 from armguard.respond.state import Response
 from armguard.robot.kinematics import forward_kinematics
 

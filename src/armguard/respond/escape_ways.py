@@ -17,10 +17,7 @@ from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
 from armguard.respond.escape_path import speed_of
-from armguard.respond.escape_state import (
-    SPREADS,
-    Escape,
-)
+from armguard.respond.escape_state import SPREADS, Escape
 
 Floats = NDArray[np.float64]
 

@@ -23,21 +23,10 @@ from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion
 from armguard.record import clear
 from armguard.respond.engagement import NO_REQUEST
-from armguard.respond.escape_path import (
-    ENOUGH,
-    NEAR,
-    judge_way,
-    may_be_met,
-    speed_of,
-)
-from armguard.respond.escape_state import (
-    MOST_APPROACHING,
-    Escape,
-)
+from armguard.respond.escape_path import ENOUGH, NEAR, judge_way, may_be_met, speed_of
+from armguard.respond.escape_state import MOST_APPROACHING, Escape
 from armguard.respond.escape_ways import look_across, way_count, write_way
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.state import Response
 
 # Least speed of an approaching obstacle [m/s].
 SLOWEST = 0.01

@@ -33,14 +33,8 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
-from armguard.respond.lead_state import (
-    Goal,
-    Lead,
-    Source,
-)
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.lead_state import Goal, Lead, Source
+from armguard.respond.state import Response
 from armguard.respond.tool_motion import lead_tools, tool_columns, turn_between
 
 Floats = NDArray[np.float64]

@@ -19,13 +19,8 @@ from armguard.guard.continuous import PathCheck
 from armguard.guard.given import other_unit
 from armguard.guard.levels import Reason
 from armguard.guard.watch import Watch
-from armguard.respond.engagement import Standing
-from armguard.respond.lead_state import (
-    TRAIL,
-    Goal,
-    Lead,
-    Retreat,
-)
+from armguard.respond.engagement import Engagement
+from armguard.respond.lead_state import TRAIL, Goal, Lead, Retreat
 from armguard.respond.requested import as_vector, reason_of_stop
 from armguard.respond.state import Response, RobotNotes
 from armguard.respond.tool import Tool, Tools
@@ -103,7 +98,7 @@ class Guidance:
             if self.response is not None:
                 notes = self.response.notes[r]
                 notes.ordered_stop = reason_of_stop(reason)
-                notes.engagement = Standing.WAITING
+                notes.engagement = Engagement.WAITING
 
     def field_goal(
         self,
@@ -270,8 +265,8 @@ def check_modes(tables: SceneTables) -> None:
 
 def catch_up(notes: RobotNotes) -> None:
     """Have a robot that waits after a stop catch up with its operator."""
-    if notes.engagement == Standing.WAITING:
-        notes.engagement = Standing.CATCHING_UP
+    if notes.engagement == Engagement.WAITING:
+        notes.engagement = Engagement.CATCHING_UP
 
 
 def set_goal(

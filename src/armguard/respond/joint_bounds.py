@@ -11,13 +11,9 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Changed
-from armguard.respond.constraints import (
-    time_to_effect,
-)
+from armguard.respond.constraints import time_to_effect
 from armguard.respond.lead_state import Source
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.state import Response
 
 Floats = NDArray[np.float64]
 

@@ -15,25 +15,11 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
-from armguard.respond.engagement import NO_REQUEST, Standing
-from armguard.respond.field import (
-    attract,
-    forget_progress,
-    look_for_minimum,
-    repel,
-)
-from armguard.respond.lead_state import (
-    Goal,
-    Lead,
-    Retreat,
-    Source,
-)
+from armguard.respond.engagement import NO_REQUEST, Engagement
+from armguard.respond.field import attract, forget_progress, look_for_minimum, repel
+from armguard.respond.lead_state import Goal, Lead, Retreat, Source
 from armguard.respond.retreat import is_held_up, lead_back, stand
-from armguard.respond.state import (
-    POSITIONS,
-    VELOCITIES,
-    Response,
-)
+from armguard.respond.state import POSITIONS, VELOCITIES, Response
 from armguard.respond.trail import remember_place
 
 OK = int(Reason.OK)
@@ -117,7 +103,7 @@ def retreat(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
             notes.released = 1
         elif notes.released != 0:
             notes.retreat = Retreat.NONE
-            a.notes[r].engagement = Standing.FOLLOWING
+            a.notes[r].engagement = Engagement.FOLLOWING
             return
     if lead_back(r, a, s, v, m):
         notes.source = Source.RETREAT
@@ -154,7 +140,7 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     if s.notes[r].source != Source.RETREAT:
         return follows
     notes = a.notes[r]
-    notes.engagement, notes.gave_positions, notes.refused = Standing.WAITING, 1, 0
+    notes.engagement, notes.gave_positions, notes.refused = Engagement.WAITING, 1, 0
     if notes.blocked != Blocked.TOO_NEAR:
         notes.blocked = Blocked.RETREATING
         a.speed[r] = a.settings[r].resume_speed

@@ -25,10 +25,7 @@ from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import SETTLED, Motion
 from armguard.respond.evasion import gets_out_of_its_way
-from armguard.respond.state import (
-    EITHER_WAY,
-    Response,
-)
+from armguard.respond.state import EITHER_WAY, Response
 
 Floats = NDArray[np.float64]
 

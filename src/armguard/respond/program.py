@@ -61,10 +61,7 @@ from armguard.respond.leaving import (
     spare_at_rest,
 )
 from armguard.respond.spares import steady_spare
-from armguard.respond.state import (
-    ROWS,
-    Response,
-)
+from armguard.respond.state import ROWS, Response
 from armguard.respond.straight import (
     reaches_anything,
     slow_to_contract,

@@ -61,7 +61,7 @@ def solve(r: int, limits: Floats, a: Response, m: Motion) -> bool:
         Whether one was found; if so it is the target now.
     """
     first = m.robot_figures[r].first_joint
-    n, count = m.robot_figures[r].joint_count, int(a.notes[r].row_count)
+    n, count = m.robot_figures[r].joint_count, a.notes[r].row_count
     room = a.target.shape[0]
     # Offset of each part of the program: H, f, A, bounds, x and its multipliers.
     f = room * room

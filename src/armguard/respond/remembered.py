@@ -8,7 +8,7 @@ from armguard.respond import escape_state as escape
 from armguard.respond import lead_state as lead
 from armguard.respond import state
 from armguard.respond.command import Blocked, Changed
-from armguard.respond.engagement import Standing
+from armguard.respond.engagement import Engagement
 from armguard.respond.escape_ways import FORMS, GOES, SIDES
 from armguard.scene.tables import SceneTables
 
@@ -25,7 +25,7 @@ FLAGS = (
 
 BOUNDS: Rules = {
     "response.notes": [
-        Whole(0, max(Standing), ("engagement",)),
+        Whole(0, max(Engagement), ("engagement",)),
         Whole(0, max(Blocked), ("blocked",)),
         Whole(0, state.ROWS, ("row_count",)),
         Whole(-1, 1, ("request_opens",)),

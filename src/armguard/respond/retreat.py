@@ -13,13 +13,8 @@ from armguard.guard.watch import Watch
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.field import led_speed
-from armguard.respond.lead_state import (
-    Lead,
-    Retreat,
-)
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.lead_state import Lead, Retreat
+from armguard.respond.state import Response
 from armguard.respond.trail import (
     TRAIL_STEP,
     drop_place,

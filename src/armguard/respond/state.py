@@ -15,7 +15,6 @@ from armguard.scene.tables import SceneTables
 from armguard.table import TABLE, LongVector, Matrix, Vector, opener, table
 
 Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
 
 # Greatest number of constraint rows of a robot's quadratic program. Rows that no
 # admissible velocity can violate are left out; these are most of them.
@@ -89,7 +88,7 @@ class RobotNotes:
     """State of the response of a robot.
 
     Attributes:
-        engagement: Engagement by its operator, see `Standing`.
+        engagement: Engagement by its operator, see `Engagement`.
         blocked: Why it does not follow its operator, see `Blocked`.
         gave_positions: 1 if its operator requested positions in the last cycle.
         refused: 1 if it waits because the first requested position was far away.

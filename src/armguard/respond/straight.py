@@ -32,10 +32,7 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import INTENTS, Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, REACTION, Motion
-from armguard.respond.state import (
-    ROWS,
-    Response,
-)
+from armguard.respond.state import ROWS, Response
 
 Floats = NDArray[np.float64]
 

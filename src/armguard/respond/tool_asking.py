@@ -6,9 +6,7 @@ Several tools of one robot are moved at once, as far as its joints permit.
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.state import Response
 from armguard.respond.tool_motion import lead_tools, tool_columns
 
 
