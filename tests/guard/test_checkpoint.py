@@ -27,7 +27,7 @@ SCRATCH = {
     "columns lever_rows hessian",
     "_response": "twists tool_columns tool_square tool_speeds raw rows limits eased "
     "program",
-    "_lead": "pull push weight columns square twist",
+    "_lead": "pull push weight",
     "_escape": "plan trial q T rows boxes reach obstacle witness closest columns "
     "across",
     "_workspace": "T_next kept out look_box",
@@ -368,13 +368,13 @@ def test_every_whole_number_of_a_checkpoint_has_a_rule():
     for name, array in guard._saving.arrays.items():
         if array.dtype.kind == "f":
             continue
-        kinds = array.dtype.fields
-        whole = {k for k in kinds if kinds[k][0].base.kind != "f"} if kinds else None
-        all_of_them = range(array.shape[-1]) if whole is None else whole
+        fields = array.dtype.fields or {}
+        whole = {field for field, (kind, _) in fields.items() if kind.base.kind != "f"}
+        all_of_them = whole if fields else set(range(array.shape[-1]))
         columns = set()
         for rule in rules.get(name, ()):
-            columns |= set(all_of_them if rule.columns is None else rule.columns)
-        assert columns >= set(all_of_them), name
+            columns |= all_of_them if rule.columns is None else set(rule.columns)
+        assert columns >= all_of_them, name
     assert set(rules) <= set(guard._saving.arrays)
     for rule in (rule for some in rules.values() for rule in some):
         assert not isinstance(getattr(rule, "most", 0), str) or rule.most in greatest

@@ -20,7 +20,7 @@ from armguard.motion.pair_state import PROVEN, UNPROVEN
 from armguard.motion.state import NEXT
 from armguard.respond import Action, Blocked, Changed, Guard
 from armguard.respond.leaving import lead_away
-from armguard.respond.state import ASKS, open_response
+from armguard.respond.state import open_response
 from armguard.scene import Scene
 from sliding import APART, EXACT, RADIUS, at_gap, slide, slides
 
@@ -237,7 +237,7 @@ def test_who_is_not_asked_leaves_only_as_slowly_as_he_can_begin_to(
     answers = guard._response
     guard._watch.phase[0] = RESTING
     answers.low[0], answers.high[0], answers.target[0] = -1.0, 1.0, -0.5
-    answers.notes[0, ASKS] = asks
+    answers.notes[0].requests_motion = asks
     guard._watch.sent_count[0] = 0
     found = leads_away(guard._response_lines, guard._lines.ctypes.data)
     assert found == (at_once or asks)
@@ -260,7 +260,7 @@ def test_a_robot_leaves_what_moves_by_itself_within_sixty_degrees(comes, share):
     guard._watch.phase[0] = RESTING
     answers = guard._response
     answers.low[0], answers.high[0], answers.target[0] = -1.0, 1.0, -0.5
-    answers.notes[0, ASKS] = True
+    answers.notes[0].requests_motion = True
     found = leads_away(guard._response_lines, guard._lines.ctypes.data)
     assert found == (comes == 0.0 or share > 1.0)
 

@@ -14,15 +14,6 @@ from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.respond import Blocked, Guard
 from armguard.respond.escape_path import POSTURES, STEPS
-from armguard.respond.escape_state import (
-    APPROACHING_COUNT,
-    DONE,
-    EVADING,
-    HAS_WAY,
-    LEFT,
-    SPENT,
-    TRIED,
-)
 from armguard.respond.evasion import LINGERS, look_for_threats
 from armguard.respond.leaving import only_out
 from armguard.respond.state import open_response
@@ -361,10 +352,10 @@ def test_one_that_recovers_is_held_for_a_while_when_nothing_comes_any_more(
     guard.filter([0.0], [0.0], 0.0, velocity=[0.0], now=0.0)
     escape, response = guard._escape, guard._response
     guard._watch.phase[0] = phase
-    escape.notes[0, EVADING], escape.memory[0, DONE] = 1, since - PERIOD
+    escape.notes[0].evading, escape.memory[0].clear_time = 1, since - PERIOD
     response.requested[0] = asked
     look(guard._response_lines, guard._lines)
-    assert (escape.notes[0, EVADING], guard._watch.evades[0]) == (evading, evading)
+    assert (escape.notes[0].evading, guard._watch.evades[0]) == (evading, evading)
     assert response.requested[0] == (0.0 if evading else asked)
 
 
@@ -390,7 +381,7 @@ def test_what_passes_30_mm_off_is_no_threat_and_what_passes_nearer_is(share):
 @pytest.mark.parametrize("share", [0.985, 1.015])
 def test_who_is_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
     guard = tall_cart_guard(evade_time=2.0)
-    guard._escape.notes[0, EVADING] = 1
+    guard._escape.notes[0].evading = 1
     # The operator asks for next to nothing.
     command = comes_at(guard, TIP + FLOOR + share * 0.045, 0.3, asked=(2e-6, 0.0))
     assert (command.blocked["arm"] is Blocked.EVADING) == (share < 1.0)
@@ -407,12 +398,12 @@ def test_who_has_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
     speed = 0.5
     rise, fall = speed / FIGURES["acceleration"], speed / FIGURES["deceleration"]
     escape = guard._escape
-    escape.notes[0, [EVADING, HAS_WAY]] = 1
-    escape.memory[0, LEFT] = turn / speed + 0.5 * rise - 0.5 * fall
+    escape.notes[0].evading = escape.notes[0].has_motion = 1
+    escape.memory[0].time_left = turn / speed + 0.5 * rise - 0.5 * fall
     escape.way[:] = -speed, 0.0
     command = comes_at(guard, TIP + FLOOR + stays, 0.3)
     assert command.blocked["arm"] is Blocked.EVADING
-    assert escape.notes[0, HAS_WAY] == 1
+    assert escape.notes[0].has_motion == 1
     assert (escape.way.tolist() == [-speed, 0.0]) == kept
 
 
@@ -437,7 +428,7 @@ def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
     command = comes_at(guard, TIP + 0.06, 0.1, asked=turn, velocity=turn)
     assert command.verdict.level is Level.STOP
     # The cart is near, and comes.
-    assert guard._escape.counts[APPROACHING_COUNT] == 1
+    assert guard._escape.plan[0].approaching_count == 1
     (headroom,) = (
         pair.headroom
         for pair in command.verdict.near
@@ -456,8 +447,8 @@ def test_no_more_ways_are_judged_in_a_cycle_than_there_is_time_for():
         guard.place("cart", at, time, velocity=(-0.4, 0.0, 0.0))
         v = guard.filter(q, np.zeros(2), time, velocity=v, now=time).velocity
         q = q + v * PERIOD
-        most = max(most, guard._escape.counts[SPENT])
-        tried.append(guard._escape.notes[0, TRIED])
+        most = max(most, guard._escape.plan[0].placed)
+        tried.append(guard._escape.notes[0].judged)
     # One way is begun before they are spent: two links, looked at twice and in between.
     assert 800 < most <= 800 + 2 * (2 * STEPS + POSTURES)
     assert np.diff(tried).max() < 30

@@ -9,11 +9,8 @@ from armguard.geometry import Pose
 from armguard.guard.workspace import open_workspace
 from armguard.respond import Action, Blocked
 from armguard.respond.field import STEEPEST, field_at, repel
-from armguard.respond.lead_state import BY_FIELD, LED, OPERATOR
-from armguard.respond.lead_state import LEFT as WAY_LEFT
-from armguard.respond.state import (
-    open_response,
-)
+from armguard.respond.lead_state import Source
+from armguard.respond.state import open_response
 from armguard.respond.tool_motion import solve_positive, turn_between
 from armguard.scene import Scene
 from bay_loop import LEFT, RIGHT, TOP, bay_guard, bay_loop, tool_pose
@@ -367,9 +364,9 @@ def test_positive_systems_are_solved():
 def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(margin):
     guard = slides({}, {}, response="field", buffer=FLOOR, margin=margin)
     for left, right in (
-        (BY_FIELD, OPERATOR),
-        (OPERATOR, BY_FIELD),
-        (BY_FIELD, BY_FIELD),
+        (Source.FIELD, Source.OPERATOR),
+        (Source.OPERATOR, Source.FIELD),
+        (Source.FIELD, Source.FIELD),
     ):
         for share in (0.5, 0.98, 1.02):
             guard.reset()
@@ -379,12 +376,12 @@ def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(m
             guard.filter(q, still, 0.0, velocity=still, now=0.0)
             lead, settings = guard._lead, guard._response.settings
             assert settings[0].influence == 0.1
-            lead.notes[:, LED] = left, right
+            lead.notes.source = left, right
             # Its goal is far.
-            lead.memory[:, WAY_LEFT] = 1.0
+            lead.memory.time_left = 1.0
             lead.pull[:] = 0.3, -0.2
             push_off(guard._response_lines, guard._lines.ctypes.data)
-            led = np.array([left, right]) == BY_FIELD
+            led = np.array([left, right]) == Source.FIELD
             near = led & (share < 1.0)
             force = settings.repulsion * near * push(share)
             assert lead.weight == pytest.approx(force)

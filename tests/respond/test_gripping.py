@@ -11,7 +11,7 @@ from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED
 from armguard.respond import Action
 from armguard.respond.program import add_pair
-from armguard.respond.state import ROW_COUNT, open_response
+from armguard.respond.state import open_response
 from armguard.scene import Grasp, Scene
 from armguard.scene.settings import IndexSettings
 from grippers import (
@@ -153,12 +153,12 @@ def test_drift_does_not_use_the_depth_of_a_contract_up(response):
 def rows_of_contract(response, lines):
     """Rows of the first robot's program: those of the first pair under a contract."""
     a, w = open_response(response), open_workspace(lines)
-    a.notes[0, ROW_COUNT] = 0
+    a.notes[0].row_count = 0
     for k in range(int(w.header.near_count)):
         if w.near[k].proof == ALLOWED:
             add_pair(w.near[k], False, a, w, w.watch, w.motion)
             break
-    return a.notes[0, ROW_COUNT]
+    return a.notes[0].row_count
 
 
 @pytest.mark.parametrize(("response", "harder"), [("slow", False), ("deflect", True)])

@@ -19,9 +19,8 @@ from armguard.motion.state import NEXT, PLANS, StopClock
 from armguard.record import records
 from armguard.respond import Action, Blocked, Guard
 from armguard.respond import state as places
-from armguard.respond.escape_state import APPROACHING_COUNT, KNOWN, NEXT_TRY
 from armguard.respond.joint_bounds import frame_limits
-from armguard.respond.lead_state import LEAD_NOTES
+from armguard.respond.lead_state import LeadNotes
 from armguard.respond.straight import reaches_anything
 from armguard.robot.model import CollisionElement, MeshFile
 from armguard.scene import Scene
@@ -59,9 +58,9 @@ def framed(commanded, requested, share=1.0, scales=1, acceleration=20.0):
         high=np.zeros(JOINTS),
         brake=np.zeros(JOINTS),
         speed=np.array([share]),
-        notes=np.zeros((1, places.NOTES), dtype=np.int64),
+        notes=records(1, places.RobotNotes),
         settings=settings,
-        lead=record(notes=np.zeros((1, LEAD_NOTES), dtype=np.int64)),
+        lead=record(notes=records(1, LeadNotes)),
     )
     w = record(lower=np.full(JOINTS, -9.0), upper=np.full(JOINTS, 9.0))
     v = record(
@@ -152,8 +151,9 @@ def test_ways_are_sought_from_twice_the_evade_time_on(share):
     still = np.zeros(2)
     command = guard.filter(still, still, 0.0, velocity=still, now=0.0)
     assert command.blocked["arm"] is not Blocked.EVADING
-    assert guard._escape.counts[APPROACHING_COUNT] == 1
-    sought = guard._escape.notes[0, [KNOWN, NEXT_TRY]].any()
+    assert guard._escape.plan[0].approaching_count == 1
+    notes = guard._escape.notes[0]
+    sought = notes.best_candidate != 0 or notes.next_candidate != 0
     assert sought == (share < 1.0)
 
 

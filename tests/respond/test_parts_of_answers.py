@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from armguard.guard.intent import middle_of, velocity_of
+from armguard.guard.levels import Reason
 from armguard.guard.watch import (
     RECOVERING,
     RESTING,
@@ -22,21 +23,9 @@ from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
 from armguard.respond import constraints, field, joint_bounds, leading, program
 from armguard.respond import state as places
-from armguard.respond.engagement import OK, STOP_ORDERED, wait_if_ordered
+from armguard.respond.engagement import wait_if_ordered
 from armguard.respond.escape_path import LIMIT_ROOM, speed_of, stand_on_way
-from armguard.respond.escape_state import (
-    DELAY as PLAN_DELAY,
-)
-from armguard.respond.escape_state import (
-    FALL,
-    GO,
-    HALT,
-    OBSTACLE_PRIMITIVE,
-    OWN_COUNT,
-    RISE,
-    ROBOT_PRIMITIVE,
-    SPENT,
-)
+from armguard.respond.escape_state import EscapePlan
 from armguard.respond.escape_ways import (
     FORMS,
     GOES,
@@ -45,17 +34,7 @@ from armguard.respond.escape_ways import (
     look_across,
     write_way,
 )
-from armguard.respond.lead_state import (
-    BY_FIELD,
-    LEAD_MEMORY,
-    LEAD_NOTES,
-    LED,
-    LEFT,
-    OPERATOR,
-    PULL,
-    STANDS,
-    TOOL_AIM,
-)
+from armguard.respond.lead_state import LeadMemory, LeadNotes, Source, ToolAim
 from armguard.respond.missed import MISSING_TIME, note_missed
 from armguard.respond.retreat import is_held_up
 from armguard.respond.spares import steady_spare
@@ -112,20 +91,20 @@ def answers(rng):
     low, high = -rng.uniform(0.1, 0.5, JOINTS), rng.uniform(0.1, 0.5, JOINTS)
     settings = records(1, places.Behaviour)
     settings.repulsion = 0.3
-    pace = np.zeros(places.PACE)
-    pace[places.STEP], pace[places.LESS] = DT, 0.4
+    loss = records(1, places.HeadroomLoss)
+    loss.time, loss.holding = DT, 0.4
     return record(
         raw=rng.normal(size=JOINTS),
         rows=rng.normal(size=(places.ROWS, JOINTS)),
         limits=np.zeros(places.ROWS),
         eased=np.zeros(places.ROWS),
         passing=np.zeros(places.ROWS),
-        notes=np.zeros((1, places.NOTES), dtype=np.int64),
+        notes=records(1, places.RobotNotes),
         low=low,
         high=high,
         brake=np.clip(rng.uniform(-0.2, 0.2, JOINTS), low, high),
         settings=settings,
-        pace=pace,
+        loss=loss,
         closing_time=rng.uniform(0.05, 0.2, JOINTS),
         opening_time=rng.uniform(0.0, 0.05, JOINTS),
         missed=rng.uniform(-0.05, 0.05, JOINTS),
@@ -316,7 +295,7 @@ def test_a_row_is_kept_if_what_is_in_reach_can_break_it(opens):
         assert a.eased[2] == pytest.approx(eased)
         assert a.limits[2] == pytest.approx(harder if opens else eased)
         breaks = reached.max() > a.limits[2]
-        assert a.notes[0, places.ROW_COUNT] == breaks
+        assert a.notes[0].row_count == breaks
         kept += breaks
     assert 10 < kept < 60
 
@@ -351,26 +330,28 @@ def test_a_robot_that_is_yielded_to_has_all_and_the_other_what_nobody_needs():
 
 def lead(rng):
     """What leads one robot."""
+    tool_aim = records(1, ToolAim)
+    tool_aim.pose, tool_aim.origin = rng.normal(size=12), rng.normal(size=3)
     return record(
-        notes=np.zeros((1, LEAD_NOTES), dtype=np.int64),
-        memory=np.zeros((1, LEAD_MEMORY)),
+        notes=records(1, LeadNotes),
+        memory=records(1, LeadMemory),
         first_lag=rng.normal(size=JOINTS),
         second_lag=rng.normal(size=JOINTS),
         pull=rng.normal(size=JOINTS),
         push=rng.normal(size=JOINTS),
         weight=rng.uniform(0.0, 0.1, 1),
-        tool_aim=rng.normal(size=(1, TOOL_AIM)),
+        tool_aim=tool_aim,
     )
 
 
 def test_what_leads_a_robot_passes_two_lags_of_20_ms():
     rng = np.random.default_rng(6)
     a, v, m, s = answers(rng), watch(rng), motion(rng), lead(rng)
-    s.notes[0, LED] = OPERATOR
+    s.notes[0].source = Source.OPERATOR
     smooth(a, s, v, m)
     assert (s.first_lag == v.commanded).all()
     assert (s.second_lag == v.commanded).all()
-    s.notes[0, LED] = BY_FIELD
+    s.notes[0].source = Source.FIELD
     wanted, kept = a.requested.copy(), np.exp(-DT / 0.02)
     for k in range(1, 20):
         a.requested[:] = wanted
@@ -385,13 +366,13 @@ def test_a_field_pulls_gently_and_less_towards_its_goal():
     reasons = set()
     for before, left in product((0.0, 0.3, 0.9), (0.001, 0.05, 1.0)):
         v, m, s = watch(rng), motion(rng), lead(rng)
-        s.memory[0, PULL], s.memory[0, LEFT] = before, left
+        s.memory[0].speed, s.memory[0].time_left = before, left
         f = m.joint_figures
         rate = 0.3 * (f.acceleration / f.velocity).min()
         risen = min(0.8, before + rate * DT)
         known = [risen, np.sqrt(rate * left), 3.0 * left]
         assert pulled(0.8, 3.0, s, v, m) == pytest.approx(min(known))
-        assert s.memory[0, PULL] == pytest.approx(risen)
+        assert s.memory[0].speed == pytest.approx(risen)
         reasons.add(int(np.argmin(known)))
     assert len(reasons) >= 2
 
@@ -403,7 +384,7 @@ def test_a_pair_takes_what_closes_it_and_pushes(share, left, fade):
     rng = np.random.default_rng(8)
     for _ in range(10):
         a, m, s = answers(rng), motion(rng), lead(rng)
-        s.memory[0, LEFT] = left
+        s.memory[0].time_left = left
         pull, off, weight = s.pull.copy(), s.push.copy(), s.weight.copy()
         repel(share, a, s, m)
         square = a.raw @ a.raw + 0.1**2
@@ -429,10 +410,10 @@ def test_what_is_left_for_a_tool_is_its_shift_and_its_turn():
     rng = np.random.default_rng(9)
     for _ in range(20):
         s, T = lead(rng), pose(rng)
-        s.tool_aim[0, :12] = pose(rng)
+        s.tool_aim[0].pose[:] = pose(rng)
         shift, turned = way_of_tool(s, record(T_world=T[None]))
-        R, aim = T.reshape(3, 4), s.tool_aim[0, :12].reshape(3, 4)
-        point = R[:, :3] @ s.tool_aim[0, 12:15] + R[:, 3]
+        R, aim = T.reshape(3, 4), s.tool_aim[0].pose.reshape(3, 4)
+        point = R[:, :3] @ s.tool_aim[0].origin + R[:, 3]
         assert shift == pytest.approx(aim[:, 3] - point)
         known = Rotation.from_matrix(aim[:, :3] @ R[:, :3].T).as_rotvec()
         assert turned == pytest.approx(known)
@@ -527,8 +508,7 @@ def test_a_robot_is_led_to_a_side_by_the_joints_that_lead_there():
 def escape(rng):
     """What looks for ways of one robot."""
     return record(
-        plan=np.zeros(16),
-        counts=np.zeros(16, dtype=np.int64),
+        plan=records(1, EscapePlan),
         trial=rng.uniform(-0.5, 0.5, JOINTS),
         way=np.zeros(JOINTS),
         q=np.zeros(JOINTS),
@@ -564,7 +544,9 @@ def test_on_its_way_a_robot_goes_on_then_turns_to_it_and_comes_to_rest():
         )
         delay, rise, go, fall = 0.05, 0.1, 0.4, 0.3
         halt = 0.37 if halted else np.inf
-        e.plan[[PLAN_DELAY, RISE, GO, FALL, HALT]] = delay, rise, go, fall, halt
+        plan = e.plan[0]
+        plan.delay, plan.rise, plan.brake_at, plan.fall = delay, rise, go, fall
+        plan.halt_at = halt
         for time in (0.03, 0.11, 0.4, 0.6, 2.0):
             times = np.linspace(0.0, min(time, halt), 20_001)
             moments = delay + np.array([0.0, rise, go, go + fall])
@@ -578,7 +560,7 @@ def test_on_its_way_a_robot_goes_on_then_turns_to_it_and_comes_to_rest():
                 assert e.q[j] == pytest.approx(known, abs=1e-6)
                 held += known != m.q[j] + way
     assert held > 5
-    assert e.counts[SPENT] == e.counts[OWN_COUNT] == 0
+    assert e.plan[0].placed == e.plan[0].own_count == 0
 
 
 def test_aside_is_away_from_what_comes_and_across_its_way():
@@ -588,7 +570,6 @@ def test_aside_is_away_from_what_comes_and_across_its_way():
         v = record(object_velocity=rng.normal(size=(1, 3)))
         n = rng.normal(size=3)
         n /= np.linalg.norm(n)
-        e.plan[[ROBOT_PRIMITIVE, OBSTACLE_PRIMITIVE]] = 0, 0
         point = rng.normal(size=3)
         e.closest[1:4], e.closest[7:] = point, n
         across_of(e, record(bodies=np.array([2], dtype=np.int32)), v, m)
@@ -617,21 +598,21 @@ def test_each_joint_has_a_way_of_its_own_in_both_directions():
 def test_a_robot_that_rests_or_runs_waits_for_the_reason_that_it_stands_still(
     phase, ordered
 ):
-    why = STOP_ORDERED if ordered else 777
-    for before in (OK, 555):
+    why = int(Reason.STOP_ORDERED) if ordered else 777
+    for before in (Reason.OK, 555):
         a = record(
-            notes=np.zeros((1, places.NOTES), dtype=np.int64),
-            asking=np.zeros(places.ASKING, dtype=np.int64),
+            notes=records(1, places.RobotNotes),
+            request=records(1, places.Request),
         )
-        a.asking[places.FORM] = places.STANDSTILL
-        a.asking[places.STOP_REASON] = why
+        a.request[0].form = places.STANDSTILL
+        a.request[0].stop_reason = why
         v = record(phase=np.array([phase]), cause=np.array([before]))
         assert waits(a, v)
         # What stopped it before is told on, unless somebody ordered this.
-        kept = phase == STOPPING or (before != OK and not ordered)
+        kept = phase == STOPPING or (before != Reason.OK and not ordered)
         assert v.cause[0] == (before if kept else why)
-        assert a.notes[0, places.ORDERED] == (why if ordered else 0)
-        a.asking[places.FORM] = places.VELOCITIES
+        assert a.notes[0].ordered_stop == (why if ordered else 0)
+        a.request[0].form = places.VELOCITIES
         assert waits(a, v) == ordered
 
 
@@ -671,7 +652,7 @@ def test_a_retreat_is_held_up_when_no_joint_goes_at_5_percent_of_what_it_asks(sh
     a.requested[:] = [0.2, -0.4, 0.1] * top
     v.commanded[:] = [0.0, 0.0, share * 0.05 * 0.4] * top
     for pull in (0.5, 0.01):
-        s.memory[0, PULL] = pull
+        s.memory[0].speed = pull
         # It is said after 0.1 s.
         cycles = int(0.1 / DT)
         said = [held_up(a, s, v, m) for _ in range(cycles + 2)]
@@ -679,17 +660,16 @@ def test_a_retreat_is_held_up_when_no_joint_goes_at_5_percent_of_what_it_asks(sh
         assert said[-1] == (share < 1.0)
         # It goes on as gently as it began.
         gentle = min(pull, 0.05 * 0.4 * (1.0 + share))
-        assert s.memory[0, PULL] == pytest.approx(gentle if share < 1.0 else pull)
-        s.memory[0, STANDS] = 0.0
+        assert s.memory[0].speed == pytest.approx(gentle if share < 1.0 else pull)
+        s.memory[0].at_rest = 0.0
 
 
 def test_what_two_pairs_have_left_of_late_is_remembered_of_each():
     rng = np.random.default_rng(18)
     v = watch(rng)
-    a = record(
-        spares=np.full(places.REMEMBERED, np.inf),
-        spare_of=np.full((places.REMEMBERED, 2), places.NEVER, dtype=np.int64),
-    )
+    spare_of = records(places.REMEMBERED, places.RememberedPair)
+    spare_of.fill(places.NEVER)
+    a = record(spares=np.full(places.REMEMBERED, np.inf), spare_of=spare_of)
     # Several of them have the same place.
     pairs = [(i, j) for i in range(2) for j in range(i + 1, 38)]
     left = rng.uniform(0.01, 0.02, len(pairs))

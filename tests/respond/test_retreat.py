@@ -7,7 +7,7 @@ from approach import ball_scene
 from armguard.errors import GoalError, NoRetreatError, UnknownNameError
 from armguard.geometry import Pose, Sphere
 from armguard.respond import Action, Blocked, Guard
-from armguard.respond.lead_state import COUNT, TRAIL
+from armguard.respond.lead_state import TRAIL
 from armguard.respond.trail import TRAIL_STEP
 from bay_loop import LEFT, TOP, bay_guard, bay_loop, tool_pose, wander
 from driven import Driven
@@ -309,14 +309,14 @@ def test_what_is_remembered_is_bounded_and_shortened_by_going_back(guard):
     wish = loop.still.copy()
     wish[0] = 0.5
     loop.run(wish, 1500)
-    places = guard._lead.notes[0, COUNT]
+    places = guard._lead.notes[0].count
     assert 20 < places < 40
     loop.run(-wish, 1500)
-    assert guard._lead.notes[0, COUNT] < 0.3 * places
+    assert guard._lead.notes[0].count < 0.3 * places
     # Round and round: the oldest places are forgotten.
     for _ in range(2):
         loop.run(lambda loop: circle(loop.t), 15000)
-    assert guard._lead.notes[0, COUNT] == TRAIL
+    assert guard._lead.notes[0].count == TRAIL
 
 
 def circle(t):

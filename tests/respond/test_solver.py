@@ -9,7 +9,7 @@ from armguard.kernel import kernel
 from armguard.respond import daqp_interface, solver
 from armguard.respond.programs import solve_programs
 from armguard.respond.solver import TOLERANCE, nearest_velocity
-from armguard.respond.state import ROW_COUNT, open_response
+from armguard.respond.state import open_response
 from driven import wall_guard
 
 
@@ -94,7 +94,7 @@ def solved(given, native):
     response = guard._response
     response.target[:], response.low[:], response.high[:] = target, low, high
     response.rows[:k], response.limits[:k], response.eased[:k] = rows, limits, limits
-    response.notes[0, ROW_COUNT] = k
+    response.notes[0].row_count = k
     if not native:
         unsolved = guard.solve_programs(1)
     else:

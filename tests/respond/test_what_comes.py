@@ -9,13 +9,7 @@ from armguard.guard.workspace import Settings
 from armguard.index.octree_state import ABSENT, INDEXED, Residency
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
-from armguard.respond.escape_state import (
-    APPROACHING_COUNT,
-    COUNTS,
-    HORIZON,
-    OWN_COUNT,
-    PLAN,
-)
+from armguard.respond.escape_state import EscapePlan
 from armguard.respond.evasion import BEHIND, BESIDE, FORESIGHT, look_for_approaching
 from armguard.respond.state import Behaviour
 from records import record
@@ -53,11 +47,10 @@ def found(centre, velocity, half=0.05, present=True):
     loop_settings = records(1, Settings)
     loop_settings.moving_count = 3
     e = record(
-        counts=np.zeros(COUNTS, dtype=np.int64),
         reach=np.zeros(6),
         own=np.zeros(4, dtype=np.int32),
         approaching=np.zeros(16, dtype=np.int32),
-        plan=np.zeros(PLAN),
+        plan=records(1, EscapePlan),
     )
     w = record(
         settings=loop_settings,
@@ -74,9 +67,9 @@ def found(centre, velocity, half=0.05, present=True):
     )
     m = record(robot_figures=records(1, RobotFigures))
     look(record(settings=settings), e, w, v, m)
-    assert e.counts[OWN_COUNT] == 2
+    assert e.plan[0].own_count == 2
     assert e.reach == pytest.approx(np.concatenate([LOW, HIGH]))
-    return e.counts[APPROACHING_COUNT] == 1, e.plan[HORIZON]
+    return e.plan[0].approaching_count == 1, e.plan[0].horizon
 
 
 def comes(centre, velocity, half=0.05):

@@ -50,7 +50,7 @@ LEFT_OUT: dict[str, frozenset[str]] = {
             "eased program solver lead escape"
         ).split()
     ),
-    "lead": frozenset("pull push weight columns square twist".split()),
+    "lead": frozenset("pull push weight".split()),
 }
 
 # Tables of the scene that change with the held objects.

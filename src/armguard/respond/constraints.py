@@ -10,23 +10,9 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, Motion
-from armguard.respond.leaving import (
-    NO_ROW,
-    SURELY,
-)
-from armguard.respond.state import (
-    BY_PRIORITY,
-    EQUALLY,
-    LESS,
-    NEARER,
-    ROW_COUNT,
-    ROWS,
-    STEP,
-    Response,
-)
-from armguard.respond.straight import (
-    granted_speed,
-)
+from armguard.respond.leaving import NO_ROW, SURELY
+from armguard.respond.state import BY_PRIORITY, EQUALLY, ROWS, Response
+from armguard.respond.straight import granted_speed
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +89,7 @@ def add_opening(r: int, a: Response, m: Motion) -> None:
     """
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    at = r * ROWS + a.notes[r, ROW_COUNT]
+    at = r * ROWS + a.notes[r].row_count
     missed = 0.0
     for j in range(first, end):
         a.rows[at, j] = a.raw[j]
@@ -126,11 +112,11 @@ def add_approach(
         v: Watch.
         m: Motion.
     """
-    dt = a.pace[STEP]
+    dt = a.loss[0].time
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    at = r * ROWS + a.notes[r, ROW_COUNT]
-    limit = a.pace[NEARER] * left
+    at = r * ROWS + a.notes[r].row_count
+    limit = a.loss[0].approach * left
     for j in range(first, end):
         cost = a.raw[j] * a.closing_time[j]
         limit += cost * v.commanded[j]
@@ -158,10 +144,10 @@ def add_holding(
         v: Watch.
         m: Motion.
     """
-    dt = a.pace[STEP]
+    dt = a.loss[0].time
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    at = r * ROWS + a.notes[r, ROW_COUNT]
+    at = r * ROWS + a.notes[r].row_count
     limit = 0.0
     for j in range(first, end):
         raw, last = a.raw[j], v.commanded[j]
@@ -169,7 +155,7 @@ def add_holding(
         limit += raw * time * last
         limit -= dt * max(raw * a.missed[j], 0.0)
         a.rows[at, j] = raw * (dt + time)
-    share = a.pace[LESS] * left
+    share = a.loss[0].holding * left
     passing = limit + max(left, 0.0)
     keep_row(r, first, end, at, limit + share, passing, opens, a)
 
@@ -227,7 +213,7 @@ def add_contract(
         return
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    at = r * ROWS + a.notes[r, ROW_COUNT]
+    at = r * ROWS + a.notes[r].row_count
     for q in range(first, end):
         a.rows[at, q] = a.raw[q]
     c = w.grips.contracts[k]
@@ -280,4 +266,4 @@ def keep_row(
         a.limits[at] = max(limit / length, least - OPENING * (least - lowest))
     a.passing[at] = max(passing / length, a.limits[at])
     if not most <= a.limits[at]:
-        a.notes[r, ROW_COUNT] += 1
+        a.notes[r].row_count += 1

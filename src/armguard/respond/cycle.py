@@ -36,30 +36,11 @@ from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
 from armguard.respond.program import BY_ROWS, add_pairs, breaks_rows, scale_back
 from armguard.respond.programs import solve_programs
-from armguard.respond.state import (
-    ASKS,
-    BLOCKED,
-    BREAKS,
-    CHANGED,
-    CROWDED,
-    FORM,
-    POSITIONS,
-    RETREATS,
-    STANDSTILL,
-    STOP_REASON,
-    TANGLED,
-    TWISTS,
-    Response,
-)
+from armguard.respond.state import POSITIONS, STANDSTILL, TWISTS, Response
 from armguard.respond.tool_asking import ask_for_tools
 
 WRONG_COMMAND = int(Reason.WRONG_COMMAND)
 NO_WAY = int(Reason.NO_WAY)
-BLOCKED_NO_WAY = int(Blocked.NO_WAY)
-PINCHED = int(Blocked.PINCHED)
-STOPPED = int(Blocked.STOPPED)
-FAR_START = int(Blocked.FAR_START)
-LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
 
 BY_PROOF = int(Changed.PROOF)
 
@@ -86,7 +67,7 @@ def respond(a: Response, w: Workspace) -> int:
     v, m = w.watch, w.motion
     hold(a, v, m)
     note_missed(a, v, m)
-    if a.asking[FORM] == TWISTS:
+    if a.request[0].form == TWISTS:
         ask_for_tools(a, w, m)
     take_requested(a, v, m)
     lead_robots(a, w)
@@ -101,9 +82,9 @@ def respond(a: Response, w: Workspace) -> int:
     add_pairs(a, w)
     open_programs = 0
     for r in range(a.notes.shape[0]):
-        if a.notes[r, BREAKS] != 0:
-            a.notes[r, CHANGED] |= BY_ROWS
-            if a.notes[r, TANGLED] != 0:
+        if a.notes[r].violates != 0:
+            a.notes[r].changed |= BY_ROWS
+            if a.notes[r].coupled != 0:
                 # Under any response: only coupled joints lead out.
                 open_programs |= 1 << r
             elif retreats(r, a):
@@ -111,7 +92,7 @@ def respond(a: Response, w: Workspace) -> int:
             elif a.settings[r].scales != 0:
                 slow_fingers(r, a, w, m)
                 scale_back(r, a, m)
-                if a.notes[r, CROWDED] == 0 and breaks_rows(r, a.limits, a, m):
+                if a.notes[r].overflows == 0 and breaks_rows(r, a.limits, a, m):
                     # A touching pair has to open, although the robot leaves its path.
                     open_programs |= 1 << r
             elif a.settings[r].solves != 0:
@@ -124,12 +105,12 @@ def respond(a: Response, w: Workspace) -> int:
 @kernel
 def take_requested(a: Response, v: Watch, m: Motion) -> None:
     """Check the request, and turn requested positions into velocities."""
-    if a.asking[FORM] == STANDSTILL:
+    if a.request[0].form == STANDSTILL:
         for j in range(a.requested.shape[0]):
             a.requested[j] = a.far[j] = 0.0
-        v.last.forced = a.asking[STOP_REASON]
+        v.last.forced = a.request[0].stop_reason
         return
-    positions = a.asking[FORM] == POSITIONS
+    positions = a.request[0].form == POSITIONS
     wrong = False
     for j in range(a.requested.shape[0]):
         wrong |= not isfinite(a.goal[j] if positions else a.requested[j])
@@ -197,7 +178,7 @@ def settle_target(
     """Take the declared stop if no solution was found; note which robots recover."""
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    tangled = a.notes[r, TANGLED] != 0 and v.evades[r] == 0
+    tangled = a.notes[r].coupled != 0 and v.evades[r] == 0
     moves, room = False, False
     for j in range(first, end):
         if unsolved != 0:
@@ -206,14 +187,14 @@ def settle_target(
     if tangled:
         room = sure_share(r, a, w, v, m) < inf
     for j in range(first, end):
-        if tangled and a.notes[r, ASKS] == 0:
+        if tangled and a.notes[r].requests_motion == 0:
             # The program was solved only to know whether an escape direction exists.
             a.target[j] = a.brake[j]
         moves |= abs(a.target[j]) > NO_REQUEST
     if unsolved != 0 and not tangled:
         v.last.forced = NO_WAY
-        a.notes[r, BLOCKED] = BLOCKED_NO_WAY
-    if a.notes[r, RETREATS] == 0:
+        a.notes[r].blocked = Blocked.NO_WAY
+    if a.notes[r].recovers == 0:
         return
     if v.evades[r] != 0:
         if v.phase[r] == RUNNING:
@@ -225,7 +206,7 @@ def settle_target(
     elif v.phase[r] == RECOVERING:
         v.recover[r] = GIVES_UP
     if not room and v.phase[r] == RESTING:
-        a.notes[r, BLOCKED] = PINCHED
+        a.notes[r].blocked = Blocked.PINCHED
 
 
 @kernel
@@ -233,11 +214,11 @@ def note_changes(judged: int, a: Response, v: Watch, m: Motion) -> None:
     """Note the robots that are commanded less than their target for lack of a proof."""
     for r in range(a.notes.shape[0]):
         if judged == 0:
-            a.notes[r, CHANGED] = BY_PROOF
+            a.notes[r].changed = BY_PROOF
         first = m.robot_figures[r].first_joint
         for j in range(first, first + m.robot_figures[r].joint_count):
             if v.wanted[j] != a.target[j]:
-                a.notes[r, CHANGED] |= BY_PROOF
+                a.notes[r].changed |= BY_PROOF
 
 
 @kernel
@@ -269,10 +250,10 @@ def write_command(a: Response, v: Watch) -> None:
             a.held_since[r] = nan
         elif not isfinite(a.held_since[r]):
             a.held_since[r] = v.commanded_at[0]
-        a.commanded[4 * n + r] = a.notes[r, BLOCKED]
+        a.commanded[4 * n + r] = a.notes[r].blocked
         a.commanded[4 * n + robots + r] = v.phase[r]
         a.commanded[4 * n + 2 * robots + r] = a.held_since[r]
-        a.commanded[4 * n + 3 * robots + r] = a.notes[r, CHANGED]
+        a.commanded[4 * n + 3 * robots + r] = a.notes[r].changed
 
 
 @kernel
@@ -281,6 +262,7 @@ def waits_for_a_person(r: int, a: Response, v: Watch) -> bool:
 
     A robot that is still being stopped does not wait yet.
     """
-    blocked, phase = a.notes[r, BLOCKED], v.phase[r]
-    waits = blocked == STOPPED or blocked == FAR_START or blocked == LOCAL_MINIMUM
+    blocked, phase = a.notes[r].blocked, v.phase[r]
+    waits = blocked == Blocked.STOPPED or blocked == Blocked.FAR_START
+    waits |= blocked == Blocked.LOCAL_MINIMUM
     return bool(waits and (phase == RUNNING or phase == RESTING))

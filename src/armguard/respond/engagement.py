@@ -23,21 +23,7 @@ from armguard.guard.watch import (
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
-from armguard.respond.state import (
-    ASKS,
-    BLOCKED,
-    FORM,
-    GAVE_POSITIONS,
-    LEADS_AWAY,
-    ORDERED,
-    POSITIONS,
-    REFUSED,
-    RETREATS,
-    STANDSTILL,
-    STATE,
-    STOP_REASON,
-    Response,
-)
+from armguard.respond.state import POSITIONS, STANDSTILL, Response
 
 # Below this requested speed a joint counts as not requested to move [rad/s or m/s].
 NO_REQUEST = 1e-6
@@ -47,28 +33,12 @@ NO_REQUEST = 1e-6
 NEAR_AGAIN = 0.5
 
 
-class Standing(IntEnum):
+class Engagement(IntEnum):
     """Engagement of a robot by its operator."""
 
     FOLLOWING = 0
     CATCHING_UP = 1
     WAITING = 2
-
-
-FOLLOWING = int(Standing.FOLLOWING)
-CATCHING_UP = int(Standing.CATCHING_UP)
-WAITING = int(Standing.WAITING)
-
-FOLLOWS = int(Blocked.NOT)
-STOPPED = int(Blocked.STOPPED)
-TOO_NEAR = int(Blocked.TOO_NEAR)
-CATCHES_UP = int(Blocked.CATCHING_UP)
-STARTS_FAR = int(Blocked.FAR_START)
-EVADES = int(Blocked.EVADING)
-
-OK = int(Reason.OK)
-STOP_ORDERED = int(Reason.STOP_ORDERED)
-RESTARTED = int(Reason.RESTARTED)
 
 
 @kernel
@@ -80,31 +50,31 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     """
     notes, phase = a.notes[r], v.phase[r]
     a.speed[r] = 1.0
-    notes[RETREATS] = notes[ASKS] = 0
+    notes.recovers = notes.requests_motion = 0
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         if abs(a.requested[j]) > NO_REQUEST:
-            notes[ASKS] = 1
+            notes.requests_motion = 1
     ordered = wait_if_ordered(r, a, v)
     if wait_if_stopped(r, a, v) or ordered:
         return False
-    if a.asking[FORM] == POSITIONS:
+    if a.request[0].form == POSITIONS:
         stand_to_positions(r, a, m)
     else:
         stand_to_velocities(r, a)
     if v.evades[r] != 0:
-        notes[BLOCKED], notes[RETREATS], notes[ASKS] = EVADES, 1, 1
+        notes.blocked, notes.recovers, notes.requests_motion = Blocked.EVADING, 1, 1
         a.speed[r] = a.settings[r].evade_speed
         return True
     stuck = phase == RESTING and v.must[r] != 0
     if stuck or phase == RECOVERING:
         # A requested recovery is granted, whatever the robot waits for.
-        notes[BLOCKED], notes[RETREATS] = TOO_NEAR, 1
+        notes.blocked, notes.recovers = Blocked.TOO_NEAR, 1
         a.speed[r] = a.settings[r].recover_speed
         return True
-    if notes[STATE] == CATCHING_UP:
+    if notes.engagement == Engagement.CATCHING_UP:
         a.speed[r] = a.settings[r].resume_speed
-    return bool(notes[STATE] != WAITING)
+    return bool(notes.engagement != Engagement.WAITING)
 
 
 @kernel
@@ -117,8 +87,8 @@ def wait_if_stopped(r: int, a: Response, v: Watch) -> bool:
     notes, phase = a.notes[r], v.phase[r]
     if phase != STOPPING and phase != BRAKING and phase != LOST:
         return False
-    notes[STATE], notes[BLOCKED] = WAITING, STOPPED
-    notes[GAVE_POSITIONS] = notes[REFUSED] = 0
+    notes.engagement, notes.blocked = Engagement.WAITING, Blocked.STOPPED
+    notes.gave_positions = notes.refused = 0
     return True
 
 
@@ -131,20 +101,20 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
     """
     notes, phase = a.notes[r], v.phase[r]
     why = 0
-    if a.asking[FORM] == STANDSTILL:
-        why = a.asking[STOP_REASON]
-        if why == STOP_ORDERED or why == RESTARTED:
-            notes[ORDERED] = why
-    if notes[ORDERED] != 0:
-        why = notes[ORDERED]
+    if a.request[0].form == STANDSTILL:
+        why = a.request[0].stop_reason
+        if why == Reason.STOP_ORDERED or why == Reason.RESTARTED:
+            notes.ordered_stop = why
+    if notes.ordered_stop != 0:
+        why = notes.ordered_stop
     if why == 0:
         return False
     rests = phase == RUNNING or phase == RESTING
-    if rests and (notes[ORDERED] != 0 or v.cause[r] == OK):
+    if rests and (notes.ordered_stop != 0 or v.cause[r] == Reason.OK):
         # The order replaces any other cause of the stop: `engage` must lift it.
         v.cause[r] = why
-    notes[STATE], notes[BLOCKED] = WAITING, STOPPED
-    notes[GAVE_POSITIONS] = notes[REFUSED] = 0
+    notes.engagement, notes.blocked = Engagement.WAITING, Blocked.STOPPED
+    notes.gave_positions = notes.refused = 0
     return True
 
 
@@ -152,11 +122,17 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
 def stand_to_velocities(r: int, a: Response) -> None:
     """Update the engagement under velocities: zero or opening velocity releases it."""
     notes = a.notes[r]
-    notes[GAVE_POSITIONS] = 0
-    asks = notes[ASKS] != 0
-    if notes[STATE] == CATCHING_UP or not asks or notes[LEADS_AWAY] > 0:
-        notes[STATE] = FOLLOWING
-    notes[BLOCKED] = STOPPED if notes[STATE] == WAITING else FOLLOWS
+    notes.gave_positions = 0
+    asks = notes.requests_motion != 0
+    if (
+        notes.engagement == Engagement.CATCHING_UP
+        or not asks
+        or notes.request_opens > 0
+    ):
+        notes.engagement = Engagement.FOLLOWING
+    notes.blocked = (
+        Blocked.STOPPED if notes.engagement == Engagement.WAITING else Blocked.NOT
+    )
 
 
 @kernel
@@ -168,15 +144,15 @@ def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     for j in range(first, first + m.robot_figures[r].joint_count):
         farthest = max(farthest, a.far[j])
     if farthest <= NEAR_AGAIN * settings.far:
-        notes[STATE] = FOLLOWING
-    elif farthest > settings.far and notes[STATE] == FOLLOWING:
+        notes.engagement = Engagement.FOLLOWING
+    elif farthest > settings.far and notes.engagement == Engagement.FOLLOWING:
         # The robot was delayed, the master jumped, or the robot starts elsewhere.
-        notes[STATE] = CATCHING_UP
-        if notes[GAVE_POSITIONS] == 0 and settings.far_start != 0.0:
-            notes[STATE], notes[REFUSED] = WAITING, 1
-    notes[GAVE_POSITIONS] = 1
-    notes[BLOCKED] = FOLLOWS
-    if notes[STATE] == CATCHING_UP:
-        notes[BLOCKED] = CATCHES_UP
-    elif notes[STATE] == WAITING:
-        notes[BLOCKED] = STARTS_FAR if notes[REFUSED] != 0 else STOPPED
+        notes.engagement = Engagement.CATCHING_UP
+        if notes.gave_positions == 0 and settings.far_start != 0.0:
+            notes.engagement, notes.refused = Engagement.WAITING, 1
+    notes.gave_positions = 1
+    notes.blocked = Blocked.NOT
+    if notes.engagement == Engagement.CATCHING_UP:
+        notes.blocked = Blocked.CATCHING_UP
+    elif notes.engagement == Engagement.WAITING:
+        notes.blocked = Blocked.FAR_START if notes.refused != 0 else Blocked.STOPPED

@@ -23,25 +23,7 @@ from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, Motion
-from armguard.respond.escape_state import (
-    APPROACHING_COUNT,
-    DELAY,
-    FALL,
-    GAP,
-    GO,
-    HALT,
-    HORIZON,
-    NOW_GAP,
-    OBSTACLE_PRIMITIVE,
-    OTHER_COUNT,
-    OWN_COUNT,
-    RATE,
-    RISE,
-    ROBOT_PRIMITIVE,
-    SPENT,
-    WHEN,
-    Escape,
-)
+from armguard.respond.escape_state import Escape
 from armguard.respond.state import Response
 from armguard.robot.kinematics import forward_kinematics
 
@@ -77,7 +59,7 @@ ROOM, GRAZES = 0.012, 2e-3
 # of found primitives, and number of placed primitives per query, by cost.
 FOUND_WITHIN = 0.03
 FOUND_AT_ONCE = 4
-ASKING = 4
+QUERY_COST = 4
 
 # Distance from its limit at which a joint is predicted to stop, beyond position errors
 # [rad or m].
@@ -111,14 +93,14 @@ def judge_way(
     halt = free_until(r, e, w, v, m)
     if halt == inf:
         return worth
-    e.plan[HALT] = halt
+    e.plan[0].halt_at = halt
     return least_gap(r, bound, e, w, v, m)
 
 
 @kernel
 def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
     """Write the times and the greatest closing speed of the motion in `trial`."""
-    plan = e.plan
+    plan = e.plan[0]
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     rise = fall = 0.0
@@ -126,13 +108,13 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
         figures = m.joint_figures[j]
         rise = max(rise, abs(e.trial[j] - v.commanded[j]) / figures.acceleration)
         fall = max(fall, abs(e.trial[j]) / figures.deceleration)
-    plan[DELAY] = m.clock[NEXT * m.robot_figures.shape[0] + r].reaction
-    plan[RISE] = rise
-    plan[GO] = max(go, rise)
-    plan[FALL] = fall
-    plan[HALT] = inf
+    plan.delay = m.clock[NEXT * m.robot_figures.shape[0] + r].reaction
+    plan.rise = rise
+    plan.brake_at = max(go, rise)
+    plan.fall = fall
+    plan.halt_at = inf
     fastest = 0.0
-    for k in range(e.counts[OWN_COUNT]):
+    for k in range(plan.own_count):
         i = e.own[k]
         body = w.bodies[i]
         rate = 0.0
@@ -143,9 +125,9 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
             rate += abs(m.gain[b, 0]) * speed * m.levers[i, c]
         fastest = max(fastest, rate)
     coming = 0.0
-    for c in range(e.counts[APPROACHING_COUNT]):
+    for c in range(plan.approaching_count):
         coming = max(coming, speed_of(int(e.approaching[c]), v))
-    plan[RATE] = APPROACHES * fastest + coming
+    plan.closing_speed = APPROACHES * fastest + coming
 
 
 @kernel
@@ -160,10 +142,10 @@ def stand_on_way(
     r: int, time: float, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Place a robot's primitives where its motion leads until a time [s]."""
-    plan = e.plan
-    t = min(time, plan[HALT])
-    rise, go, fall = plan[RISE], plan[GO], plan[FALL]
-    early = min(t, plan[DELAY])
+    plan = e.plan[0]
+    t = min(time, plan.halt_at)
+    rise, go, fall = plan.rise, plan.brake_at, plan.fall
+    early = min(t, plan.delay)
     on = t - early
     rising = min(on, rise)
     going = min(max(on - rise, 0.0), go - rise)
@@ -183,11 +165,11 @@ def stand_on_way(
     forward_kinematics(
         e.q, w.parent, w.joint_kind, w.q_index, w.gain, w.T_parent_joint, w.axis, e.T
     )
-    for k in range(e.counts[OWN_COUNT]):
+    for k in range(plan.own_count):
         i = e.own[k]
         place_row(w.world.kinds[i], w.local_rows[i], e.T[w.bodies[i]], e.rows[i])
         row_bounds(w.world.kinds[i], e.rows[i], 0.0, e.boxes[i])
-    e.counts[SPENT] += e.counts[OWN_COUNT]
+    plan.placed += plan.own_count
 
 
 @kernel
@@ -195,28 +177,28 @@ def least_gap(
     r: int, bound: float, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> float:
     """Least gap on the planned motion, as `judge_way` returns it [m]."""
-    plan = e.plan
+    plan = e.plan[0]
     least = ENOUGH
-    plan[WHEN], plan[GAP] = inf, inf
+    plan.near_at, plan.gap = inf, inf
     time = 0.0
     for _ in range(STEPS):
-        if time > 0.0 or plan[NOW_GAP] != plan[NOW_GAP]:
+        if time > 0.0 or plan.present_gap != plan.present_gap:
             stand_on_way(r, time, e, w, v, m)
             gap = gap_to_approaching(time, e, w, v, m)
         else:
             # All motions begin at the present positions.
-            gap = plan[NOW_GAP]
+            gap = plan.present_gap
         if time == 0.0:
-            plan[NOW_GAP] = gap
+            plan.present_gap = gap
         if gap < NEAR:
-            plan[WHEN] = min(plan[WHEN], time)
+            plan.near_at = min(plan.near_at, time)
         least = min(least, gap)
         if not gap > TOUCHED:
-            part = min(time / plan[HORIZON], 1.0)
+            part = min(time / plan.horizon, 1.0)
             return float(HIT_AT_ONCE + (HIT - HIT_AT_ONCE) * part)
-        if least < bound or time > plan[HORIZON]:
+        if least < bound or time > plan.horizon:
             break
-        time += max(STEP, (gap - least) / plan[RATE])
+        time += max(STEP, (gap - least) / plan.closing_speed)
     return least
 
 
@@ -233,14 +215,14 @@ def gap_to_approaching(
         v: Watch.
         m: Motion.
     """
-    least = inf
-    for c in range(e.counts[APPROACHING_COUNT]):
+    plan, least = e.plan[0], inf
+    for c in range(plan.approaching_count):
         j = int(e.approaching[c])
         on = time + time_since(v.seen_at[j], v, m)
         for k in range(3):
             e.shift[4 * k + 3] = on * v.object_velocity[j, k]
         place_row(w.world.kinds[j], w.world.rows[j], e.shift, e.obstacle)
-        for k in range(e.counts[OWN_COUNT]):
+        for k in range(plan.own_count):
             i = int(e.own[k])
             if w.checked[w.groups[i], w.groups[j]] == 0:
                 continue
@@ -257,12 +239,9 @@ def gap_to_approaching(
             gap = e.witness[0] - need
             if gap < least:
                 least = gap
-                if gap < e.plan[GAP]:
-                    e.plan[GAP], e.plan[ROBOT_PRIMITIVE], e.plan[OBSTACLE_PRIMITIVE] = (
-                        gap,
-                        i,
-                        j,
-                    )
+                if gap < plan.gap:
+                    plan.gap = gap
+                    plan.robot_primitive, plan.obstacle_primitive = i, j
                     for x in range(e.witness.shape[0]):
                         e.closest[x] = e.witness[x]
     return least
@@ -292,8 +271,8 @@ def free_until(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> float:
     Returns:
         The last checked time that is free; infinite if the whole motion is free.
     """
-    plan = e.plan
-    end = plan[DELAY] + plan[GO] + plan[FALL]
+    plan = e.plan[0]
+    end = plan.delay + plan.brake_at + plan.fall
     last = 0.0
     for k in range(1, POSTURES + 1):
         time = end * k / POSTURES
@@ -310,7 +289,7 @@ def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
 
     Obstacles are here the approaching ones.
     """
-    own = e.counts[OWN_COUNT]
+    own, other_count = e.plan[0].own_count, e.plan[0].other_count
     rows, boxes = w.world.rows, w.world.boxes
     by_index = asks_index(w) != 0
     for k in range(own):
@@ -319,7 +298,7 @@ def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
             j = int(e.own[c])
             if meets(i, j, e.rows[j], e.boxes[j], e, w, v, m):
                 return True
-        for c in range(e.counts[OTHER_COUNT]):
+        for c in range(other_count):
             j = int(e.others[c])
             if meets(i, j, rows[j], boxes[j], e, w, v, m):
                 return True
@@ -339,7 +318,7 @@ def found_near(i: int, e: Escape, w: Workspace) -> int:
     w.memory[0].token += 1
     token = w.memory[0].token
     found = primitives_in_box(i, w.look_box, w.octree, w.seen, token, w.candidates)
-    e.counts[SPENT] += ASKING + found // FOUND_AT_ONCE
+    e.plan[0].placed += QUERY_COST + found // FOUND_AT_ONCE
     return int(found)
 
 
@@ -348,7 +327,7 @@ def may_be_met(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> bool:
     """Whether a primitive is present, not the robot's own and not approaching it."""
     if robot_of(j, v) == r or w.octree.residency[j].status == ABSENT:
         return False
-    for c in range(e.counts[APPROACHING_COUNT]):
+    for c in range(e.plan[0].approaching_count):
         if e.approaching[c] == j:
             return False
     return True

@@ -1,55 +1,19 @@
 """State of the evasion of approaching obstacles: arrays allocated once."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.record import Records, record, records
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene.tables import SceneTables
-from armguard.table import LongMatrix, LongVector, Matrix, Vector, table
+from armguard.table import LongVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
-
-# Places in the notes of a robot.
-EVADING = 0  # 1 while it evades an approaching obstacle
-HAS_WAY = 1  # 1 if an escape motion was chosen; else it stays
-NEXT_TRY = 2  # number of the escape motion that is judged next
-KNOWN = 3  # 1 + number of the best known escape motion while it waits; 0 for none
-TRIED = 4  # escape motions judged while it waits, since it last knew a good one
-ESCAPE_NOTES = 5
-
-# Places in the memory of a robot.
-LEFT = 0  # time for which the chosen motion goes on [s]
-DONE = 1  # time since the last obstacle approached [s]
-WORTH = 2  # least gap on the best known motion while it waits [m]
-ESCAPE_MEMORY = 3
-
-# Places in `Escape.counts`: primitives that the escape motions of a robot are judged
-# with in this cycle.
-OWN_COUNT = 0  # primitives of the robot
-APPROACHING_COUNT = 1  # primitives of approaching obstacles
-OTHER_COUNT = 2  # other primitives near its workspace
-SPENT = 3  # primitives that were placed
-COUNTS = 4
-
-# Places in `Escape.plan`, the escape motion that is judged.
-DELAY = 0  # time until a command of this cycle takes effect [s]
-RISE = 1  # time in which the joints reach the velocities of the motion [s]
-GO = 2  # time after the delay at which the joints begin to brake [s]
-FALL = 3  # time in which they brake to rest [s]
-HALT = 4  # time at which another body stops it; infinite if none does [s]
-HORIZON = 5  # time at which all approaching obstacles have passed [s]
-RATE = 6  # bound on the closing speed of its points and the obstacles [m/s]
-WHEN = 7  # first time at which the gap is below `NEAR`; infinite if never [s]
-GAP = 8  # least gap that was found [m]
-ROBOT_PRIMITIVE = 9  # primitive of the robot at the least gap
-OBSTACLE_PRIMITIVE = 10  # primitive of the obstacle at the least gap
-NOW_GAP = 11  # gap at the present positions; NaN before it was measured [m]
-PLAN = 12
 
 # Greatest number of approaching primitives that are considered for a robot.
 MOST_APPROACHING = 16
@@ -61,16 +25,91 @@ SPREADS = 32
 SHORT_STROKE = 0.1
 
 
+@record
+class EscapeNotes:
+    """State of the evasion of a robot.
+
+    Attributes:
+        evading: 1 while it evades an approaching obstacle.
+        has_motion: 1 if an escape motion was chosen; else it stays.
+        next_candidate: Number of the escape motion that is judged next.
+        best_candidate: 1 + number of the best known escape motion while it waits; 0
+            for none.
+        judged: Escape motions judged while it waits, since it last knew a good one.
+    """
+
+    evading: int
+    has_motion: int
+    next_candidate: int
+    best_candidate: int
+    judged: int
+
+
+@record
+class EscapeMemory:
+    """Times and gap of the evasion of a robot.
+
+    Attributes:
+        time_left: Time for which the chosen motion goes on [s].
+        clear_time: Time since the last obstacle approached [s].
+        best_gap: Least gap on the best known motion while it waits [m].
+    """
+
+    time_left: float
+    clear_time: float
+    best_gap: float
+
+
+@record
+class EscapePlan:
+    """Escape motion that is judged, and the primitives that it is judged by.
+
+    Attributes:
+        own_count: Primitives of the robot.
+        approaching_count: Primitives of approaching obstacles.
+        other_count: Other primitives near its workspace.
+        placed: Primitives that were placed.
+        delay: Time until a command of this cycle takes effect [s].
+        rise: Time in which the joints reach the velocities of the motion [s].
+        brake_at: Time after the delay at which the joints begin to brake [s].
+        fall: Time in which they brake to rest [s].
+        halt_at: Time at which another body stops it; infinite if none does [s].
+        horizon: Time at which all approaching obstacles have passed [s].
+        closing_speed: Bound on the closing speed of its points and the obstacles [m/s].
+        near_at: First time at which the gap is below `NEAR`; infinite if never [s].
+        gap: Least gap that was found [m].
+        present_gap: Gap at the present positions; NaN before it was measured [m].
+        robot_primitive: Primitive of the robot at the least gap.
+        obstacle_primitive: Primitive of the obstacle at the least gap.
+    """
+
+    own_count: int
+    approaching_count: int
+    other_count: int
+    placed: int
+    delay: float
+    rise: float
+    brake_at: float
+    fall: float
+    halt_at: float
+    horizon: float
+    closing_speed: float
+    near_at: float
+    gap: float
+    present_gap: float
+    robot_primitive: int
+    obstacle_primitive: int
+
+
 @table
 class Escape(NamedTuple):
     """Arrays of one guard for the evasion of approaching obstacles.
 
     Attributes:
-        notes: State of the evasion of each robot, see EVADING, (r, ESCAPE_NOTES).
-        memory: Times and gaps of each robot, see LEFT, shape (r, ESCAPE_MEMORY).
+        notes: State of the evasion of each robot, shape (r,).
+        memory: Times and gaps of each robot, shape (r,).
         way: Joint velocities of the chosen escape motions, shape (n,) [rad/s or m/s].
-        counts: Numbers of primitives, see OWN_COUNT, shape (COUNTS,).
-        plan: Times and gaps of the judged motion, see DELAY, shape (PLAN,).
+        plan: The judged motion, shape (1,).
         trial: Joint velocities of the judged motion, shape (n,) [rad/s or m/s].
         own: Primitives of the robot, shape (m,).
         approaching: Primitives of approaching obstacles, shape (MOST_APPROACHING,).
@@ -91,11 +130,10 @@ class Escape(NamedTuple):
         spreads: Directions in shares of top speeds, shape (SPREADS, n) [-].
     """
 
-    notes: LongMatrix
-    memory: Matrix
+    notes: Annotated[Records[EscapeNotes], 1]
+    memory: Annotated[Records[EscapeMemory], 1]
     way: Vector
-    counts: LongVector
-    plan: Vector
+    plan: Annotated[Records[EscapePlan], 1]
     trial: Vector
     own: LongVector
     approaching: LongVector
@@ -120,11 +158,10 @@ def escape_of(tables: SceneTables) -> Escape:
     n, robots = len(tables.q_names), len(tables.robots)
     m, bodies = tables.moving_count, len(tables.parent)
     return Escape(
-        notes=np.zeros((robots, ESCAPE_NOTES), dtype=np.int64),
-        memory=np.zeros((robots, ESCAPE_MEMORY)),
+        notes=records(robots, EscapeNotes),
+        memory=records(robots, EscapeMemory),
         way=np.zeros(n),
-        counts=np.zeros(COUNTS, dtype=np.int64),
-        plan=np.zeros(PLAN),
+        plan=records(1, EscapePlan),
         trial=np.zeros(n),
         own=np.zeros(m, dtype=np.int64),
         approaching=np.zeros(MOST_APPROACHING, dtype=np.int64),

@@ -17,12 +17,7 @@ from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
 from armguard.respond.escape_path import speed_of
-from armguard.respond.escape_state import (
-    OBSTACLE_PRIMITIVE,
-    ROBOT_PRIMITIVE,
-    SPREADS,
-    Escape,
-)
+from armguard.respond.escape_state import SPREADS, Escape
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +54,7 @@ def look_across(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
 
     The Jacobian is that of the robot's witness point.
     """
-    i, j = int(e.plan[ROBOT_PRIMITIVE]), int(e.plan[OBSTACLE_PRIMITIVE])
+    i, j = e.plan[0].robot_primitive, e.plan[0].obstacle_primitive
     speed = speed_of(j, v)
     ahead = (
         v.object_velocity[j, 0] / speed,

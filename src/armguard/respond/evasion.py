@@ -9,6 +9,7 @@ request is free again. All other pairs keep their required separations: if no mo
 satisfies that, the robot stays.
 """
 
+from enum import IntEnum
 from math import inf, nan
 
 from armguard.guard.commands import time_passed
@@ -20,38 +21,12 @@ from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion
+from armguard.record import clear
 from armguard.respond.engagement import NO_REQUEST
-from armguard.respond.escape_path import (
-    ENOUGH,
-    NEAR,
-    judge_way,
-    may_be_met,
-    speed_of,
-)
-from armguard.respond.escape_state import (
-    APPROACHING_COUNT,
-    DONE,
-    ESCAPE_NOTES,
-    EVADING,
-    HAS_WAY,
-    HORIZON,
-    KNOWN,
-    LEFT,
-    MOST_APPROACHING,
-    NEXT_TRY,
-    NOW_GAP,
-    OTHER_COUNT,
-    OWN_COUNT,
-    SPENT,
-    TRIED,
-    WHEN,
-    WORTH,
-    Escape,
-)
+from armguard.respond.escape_path import ENOUGH, NEAR, judge_way, may_be_met, speed_of
+from armguard.respond.escape_state import MOST_APPROACHING, Escape
 from armguard.respond.escape_ways import look_across, way_count, write_way
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.state import Response
 
 # Least speed of an approaching obstacle [m/s].
 SLOWEST = 0.01
@@ -67,7 +42,7 @@ BEHIND = 0.15
 FARTHEST = 8.0
 
 # Time for which a robot is assumed to follow its request [s].
-ASKED = 0.25
+REQUEST_TIME = 0.25
 
 # Gap at which the obstacle counts as missing the robot, so that the evasion ends [m].
 CLEAR = 0.045
@@ -86,14 +61,17 @@ PLACED = 800
 LOOKS_UNTIL = 0.5
 LOOKS_AT = 64
 
-# Result of the search for an escape motion while a robot waits.
-GOOD = 0  # a good one is known
-SOME = 1  # none is known that it would take now; the search may go on
-BEST = 2  # the best one is known, and it is not good
-
 # Time for which a recovering robot is still held after the last obstacle approached
 # [s].
 LINGERS = 0.1
+
+
+class Search(IntEnum):
+    """Result of the search for an escape motion while a robot waits."""
+
+    GOOD = 0  # a good one is known
+    OPEN = 1  # none is known that it would take now; the search may go on
+    BEST = 2  # the best one is known, and it is not good
 
 
 @kernel(separate=True)
@@ -117,7 +95,7 @@ def look_for_threats(a: Response, w: Workspace) -> None:
             continue
         if evades(r, a, e, w, v, m):
             v.evades[r] = 1
-            for c in range(e.counts[APPROACHING_COUNT]):
+            for c in range(e.plan[0].approaching_count):
                 v.evaded[e.approaching[c]] |= 1 << r
 
 
@@ -148,33 +126,35 @@ def evades(
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     look_for_approaching(r, a, e, w, v, m)
-    approaches = e.counts[APPROACHING_COUNT] > 0
+    approaches = e.plan[0].approaching_count > 0
     if approaches and is_threatened(r, a, e, w, v, m):
-        left = e.plan[WHEN] / a.settings[r].evade_time
+        left = e.plan[0].near_at / a.settings[r].evade_time
         look_across(r, e, w, v, m)
         look_for_others(r, e, w, v)
-        if notes[EVADING] == 0:
-            known = look_for_way(r, a, e, w, m)
-            if (known == GOOD and left > 1.0) or (known == SOME and left > LOOKS_UNTIL):
+        if notes.evading == 0:
+            found = look_for_way(r, a, e, w, m)
+            if found == Search.GOOD and left > 1.0:
                 return False
-            notes[EVADING], notes[NEXT_TRY] = 1, max(notes[KNOWN] - 1, 0)
-        e.memory[r, DONE] = 0.0
+            if found == Search.OPEN and left > LOOKS_UNTIL:
+                return False
+            notes.evading, notes.next_candidate = 1, max(notes.best_candidate - 1, 0)
+        e.memory[r].clear_time = 0.0
         choose_way(r, a, e, w, v, m)
         for j in range(first, end):
-            a.requested[j] = e.way[j] if notes[HAS_WAY] != 0 else 0.0
+            a.requested[j] = e.way[j] if notes.has_motion != 0 else 0.0
         return True
     asks = False
     for j in range(first, end):
         asks |= abs(a.requested[j]) > NO_REQUEST
     if not approaches:
-        e.memory[r, DONE] += time_passed(v)
+        e.memory[r].clear_time += time_passed(v)
     ends = phase != RECOVERING and (asks or not approaches)
-    stands = notes[EVADING] != 0 and not ends and e.memory[r, DONE] <= LINGERS
+    stands = notes.evading != 0 and not ends and e.memory[r].clear_time <= LINGERS
     if not (stands or (approaches and is_threatened_at_rest(r, e, w, v))):
         forget_ways(r, e, m)
         return False
     # The robot is aside, and rests there until no obstacle could cause a stop.
-    notes[EVADING], notes[HAS_WAY] = 1, 0
+    notes.evading, notes.has_motion = 1, 0
     for j in range(first, end):
         a.requested[j] = 0.0
     return True
@@ -191,7 +171,7 @@ def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
         proof = near.proof
         if robot_of(i, v) != r or proof == PROVEN or proof == ALLOWED:
             continue
-        for c in range(e.counts[APPROACHING_COUNT]):
+        for c in range(e.plan[0].approaching_count):
             if e.approaching[c] == j:
                 return True
     return False
@@ -200,46 +180,42 @@ def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
 @kernel
 def forget_ways(r: int, e: Escape, m: Motion) -> None:
     """Reset the evasion of a robot and its known escape motions."""
-    for k in range(ESCAPE_NOTES):
-        e.notes[r, k] = 0
-    e.memory[r, LEFT] = e.memory[r, DONE] = 0.0
+    clear(e.notes[r])
+    e.memory[r].time_left = e.memory[r].clear_time = 0.0
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         e.way[j] = 0.0
 
 
 @kernel
-def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> int:
+def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> Search:
     """Continue the search for an escape motion of a robot that waits.
 
     The best known one is judged again.
-
-    Returns:
-        GOOD, SOME or BEST.
     """
     notes, memory, share = e.notes[r], e.memory[r], a.settings[r].evade_speed
     ways = way_count(r, m)
-    memory[WORTH] = -inf
-    if notes[KNOWN] != 0:
-        go = write_way(notes[KNOWN] - 1, r, share, e, m)
-        memory[WORTH] = judge_way(r, go, -inf, 1, a, w)
-    e.counts[SPENT] = 0
+    memory.best_gap = -inf
+    if notes.best_candidate != 0:
+        go = write_way(notes.best_candidate - 1, r, share, e, m)
+        memory.best_gap = judge_way(r, go, -inf, 1, a, w)
+    e.plan[0].placed = 0
     for _ in range(ways):
-        if memory[WORTH] >= CLEAR:
-            notes[TRIED] = 0
-            return GOOD
-        leads_out = memory[WORTH] > 0.0 and notes[TRIED] >= LOOKS_AT
-        if leads_out or notes[TRIED] == ways:
-            return BEST
-        if e.counts[SPENT] > PLACED:
+        if memory.best_gap >= CLEAR:
+            notes.judged = 0
+            return Search.GOOD
+        leads_out = memory.best_gap > 0.0 and notes.judged >= LOOKS_AT
+        if leads_out or notes.judged == ways:
+            return Search.BEST
+        if e.plan[0].placed > PLACED:
             break
-        go = write_way(notes[NEXT_TRY], r, share, e, m)
-        worth = judge_way(r, go, memory[WORTH], 1, a, w)
-        if worth > memory[WORTH]:
-            notes[KNOWN], memory[WORTH] = notes[NEXT_TRY] + 1, worth
-        notes[NEXT_TRY] = (notes[NEXT_TRY] + 1) % ways
-        notes[TRIED] += 1
-    return SOME
+        go = write_way(notes.next_candidate, r, share, e, m)
+        worth = judge_way(r, go, memory.best_gap, 1, a, w)
+        if worth > memory.best_gap:
+            notes.best_candidate, memory.best_gap = notes.next_candidate + 1, worth
+        notes.next_candidate = (notes.next_candidate + 1) % ways
+        notes.judged += 1
+    return Search.OPEN
 
 
 @kernel
@@ -250,15 +226,15 @@ def look_for_approaching(
 
     The robot's own primitives are listed as well.
     """
-    counts, reach, boxes = e.counts, e.reach, w.world.boxes
-    counts[OWN_COUNT] = counts[APPROACHING_COUNT] = 0
+    plan, reach, boxes = e.plan[0], e.reach, w.world.boxes
+    plan.own_count = plan.approaching_count = 0
     for k in range(3):
         reach[k], reach[k + 3] = inf, -inf
     for i in range(w.settings[0].moving_count):
         if robot_of(i, v) != r:
             continue
-        e.own[counts[OWN_COUNT]] = i
-        counts[OWN_COUNT] += 1
+        e.own[plan.own_count] = i
+        plan.own_count += 1
         for k in range(3):
             reach[k] = min(reach[k], boxes[i, k])
             reach[k + 3] = max(reach[k + 3], boxes[i, k + 3])
@@ -277,13 +253,13 @@ def look_for_approaching(
             approaches &= low + min(ahead * x, 0.0) - BESIDE < reach[k + 3]
             approaches &= high + max(ahead * x, 0.0) + BESIDE > reach[k]
             way += x * (reach[k + 3] - low if x > 0.0 else reach[k] - high)
-        if not approaches or counts[APPROACHING_COUNT] == MOST_APPROACHING:
+        if not approaches or plan.approaching_count == MOST_APPROACHING:
             continue
-        e.approaching[counts[APPROACHING_COUNT]] = j
-        counts[APPROACHING_COUNT] += 1
+        e.approaching[plan.approaching_count] = j
+        plan.approaching_count += 1
         horizon = max(horizon, (way / speed + BEHIND) / speed)
-    e.plan[HORIZON] = min(horizon, FARTHEST)
-    e.plan[NOW_GAP] = nan
+    e.plan[0].horizon = min(horizon, FARTHEST)
+    e.plan[0].present_gap = nan
 
 
 @kernel
@@ -294,17 +270,17 @@ def is_threatened(
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
         e.trial[j] = a.requested[j] if v.phase[r] != RESTING else 0.0
-    worth = judge_way(r, ASKED, -inf, 0, a, w)
-    if e.notes[r, EVADING] != 0:
+    worth = judge_way(r, REQUEST_TIME, -inf, 0, a, w)
+    if e.notes[r].evading != 0:
         return worth < CLEAR
-    return worth < NEAR and e.plan[WHEN] < FORESIGHT * a.settings[r].evade_time
+    return worth < NEAR and e.plan[0].near_at < FORESIGHT * a.settings[r].evade_time
 
 
 @kernel
 def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
     """List other primitives near a robot, unless the index will be queried."""
-    counts, reach = e.counts, e.reach
-    counts[OTHER_COUNT] = 0
+    plan, reach = e.plan[0], e.reach
+    plan.other_count = 0
     if asks_index(w) != 0:
         return
     for j in range(w.groups.shape[0]):
@@ -314,8 +290,8 @@ def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
         for k in range(3):
             near &= box[k] < reach[k + 3] + REACH and reach[k] < box[k + 3] + REACH
         if near:
-            e.others[counts[OTHER_COUNT]] = j
-            counts[OTHER_COUNT] += 1
+            e.others[plan.other_count] = j
+            plan.other_count += 1
 
 
 @kernel
@@ -329,30 +305,30 @@ def choose_way(
     for j in range(first, end):
         e.trial[j] = 0.0
     best = judge_way(r, 0.0, -inf, 0, a, w)
-    if not memory[LEFT] > 0.0 or best >= ENOUGH:
-        notes[HAS_WAY] = 0
-    if notes[HAS_WAY] != 0:
+    if not memory.time_left > 0.0 or best >= ENOUGH:
+        notes.has_motion = 0
+    if notes.has_motion != 0:
         for j in range(first, end):
             e.trial[j] = e.way[j]
-        worth = judge_way(r, memory[LEFT], -inf, 1, a, w)
+        worth = judge_way(r, memory.time_left, -inf, 1, a, w)
         if worth > best - BETTER:
             best = worth
         else:
-            notes[HAS_WAY] = 0
-    e.counts[SPENT] = 0
+            notes.has_motion = 0
+    e.plan[0].placed = 0
     ways = way_count(r, m)
     # A robot that is far enough aside stays there.
-    stays = notes[HAS_WAY] == 0 and best >= CLEAR
+    stays = notes.has_motion == 0 and best >= CLEAR
     wanted = inf if stays else best + BETTER
     for _ in range(ways):
-        if wanted > ENOUGH or e.counts[SPENT] > PLACED:
+        if wanted > ENOUGH or e.plan[0].placed > PLACED:
             break
-        go = write_way(notes[NEXT_TRY], r, a.settings[r].evade_speed, e, m)
+        go = write_way(notes.next_candidate, r, a.settings[r].evade_speed, e, m)
         worth = judge_way(r, go, wanted, 1, a, w)
         if worth >= wanted:
             for j in range(first, end):
                 e.way[j] = e.trial[j]
-            notes[HAS_WAY], memory[LEFT] = 1, go
+            notes.has_motion, memory.time_left = 1, go
             wanted = worth + BETTER
-        notes[NEXT_TRY] = (notes[NEXT_TRY] + 1) % ways
-    memory[LEFT] -= time_passed(v)
+        notes.next_candidate = (notes.next_candidate + 1) % ways
+    memory.time_left -= time_passed(v)

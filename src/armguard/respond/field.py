@@ -33,23 +33,8 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
-from armguard.respond.lead_state import (
-    BEST,
-    BY_FIELD,
-    GOAL,
-    IDLE,
-    IN_MINIMUM,
-    JOINTS_GOAL,
-    LED,
-    LEFT,
-    PULL,
-    STANDS,
-    TOOL_BODY,
-    Lead,
-)
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.lead_state import Goal, Lead, Source
+from armguard.respond.state import Response
 from armguard.respond.tool_motion import lead_tools, tool_columns, turn_between
 
 Floats = NDArray[np.float64]
@@ -94,26 +79,26 @@ def attract(r: int, a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> 
     memory, settings = s.memory[r], a.settings[r]
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    if s.notes[r, GOAL] == JOINTS_GOAL:
+    if s.notes[r].goal == Goal.JOINTS:
         left = 0.0
         for j in range(first, end):
             s.pull[j] = s.aim[j] - m.q[j]
             left = max(left, abs(s.pull[j]) / m.joint_figures[j].velocity)
-        memory[LEFT] = left
+        memory.time_left = left
         speed = led_speed(r, settings.field_speed, settings.attraction, s, v, m)
         for j in range(first, end):
             s.pull[j] *= speed / left if left > 0.0 else 0.0
         return
     shift, turn = tool_way(r, s, w)
-    memory[LEFT] = max(norm(shift) / TOOL_SPEED, norm(turn) / TOOL_TURN)
+    memory.time_left = max(norm(shift) / TOOL_SPEED, norm(turn) / TOOL_TURN)
     speed = led_speed(r, settings.field_speed, settings.attraction, s, v, m)
-    rate = speed / memory[LEFT] if memory[LEFT] > 0.0 else 0.0
-    body = s.notes[r, TOOL_BODY]
-    aim = s.tool_aim[r]
-    tool_columns(body, (aim[12], aim[13], aim[14]), first, end, 0, s.columns, w, m)
+    rate = speed / memory.time_left if memory.time_left > 0.0 else 0.0
+    body = s.notes[r].tool_body
+    p = s.tool_aim[r].origin
+    tool_columns(body, (p[0], p[1], p[2]), first, end, 0, a.tool_columns, w, m)
     for k in range(3):
-        s.twist[k], s.twist[k + 3] = rate * shift[k], rate * turn[k]
-    lead_tools(6, s.twist, first, end, s.columns, s.square, s.push, s.pull, w, m)
+        a.tool_speeds[k], a.tool_speeds[k + 3] = rate * shift[k], rate * turn[k]
+    lead_tools(r, 6, s.pull, a, w, m)
     limit_share(first, end, settings.field_speed, s.pull, m)
 
 
@@ -137,17 +122,17 @@ def led_speed(
     for j in range(first, first + m.robot_figures[r].joint_count):
         figures = m.joint_figures[j]
         rate = min(rate, GENTLE * figures.acceleration / figures.velocity)
-    memory[PULL] = min(most, memory[PULL] + rate * time_passed(v))
-    left = memory[LEFT]
-    return float(min(memory[PULL], sqrt(rate * left), attraction * left))
+    memory.speed = min(most, memory.speed + rate * time_passed(v))
+    left = memory.time_left
+    return float(min(memory.speed, sqrt(rate * left), attraction * left))
 
 
 @kernel
 def tool_way(r: int, s: Lead, w: Workspace) -> tuple[Vec3, Vec3]:
     """Displacement [m] and rotation vector [rad] from a tool to its goal, in world."""
-    aim = s.tool_aim[r]
-    T = w.T_world[s.notes[r, TOOL_BODY]]
-    x, y, z = aim[12], aim[13], aim[14]
+    aim, p = s.tool_aim[r].pose, s.tool_aim[r].origin
+    T = w.T_world[s.notes[r].tool_body]
+    x, y, z = p[0], p[1], p[2]
     shift = (
         aim[3] - (T[0] * x + T[1] * y + T[2] * z + T[3]),
         aim[7] - (T[4] * x + T[5] * y + T[6] * z + T[7]),
@@ -167,8 +152,8 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
         near = w.near[k]
         i, j = int(near.first), int(near.second)
         robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-        led = s.notes[robot_i, LED] == BY_FIELD
-        led |= robot_j >= 0 and s.notes[robot_j, LED] == BY_FIELD
+        led = s.notes[robot_i].source == Source.FIELD
+        led |= robot_j >= 0 and s.notes[robot_j].source == Source.FIELD
         if not led:
             continue
         need = static_need(i, j, w, v, m) + m.blur[i]
@@ -178,7 +163,9 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
         pair_row(i, j, near, a.raw, w, m)
         for side in range(2):
             r = robot_i if side == 0 else robot_j
-            if r < 0 or s.notes[r, LED] != BY_FIELD or (side == 1 and r == robot_i):
+            if r < 0 or (side == 1 and r == robot_i):
+                continue
+            if s.notes[r].source != Source.FIELD:
                 continue
             # Pairs beyond the margin are not measured, so they do not repel.
             reach = min(a.settings[r].influence, w.settings[0].margin - need)
@@ -206,7 +193,7 @@ def repel_by(r: int, part: float, a: Response, s: Lead, m: Motion) -> None:
         square += a.raw[j] * a.raw[j]
         closing += a.raw[j] * s.pull[j]
     taken = (1.0 - part) * max(closing, 0.0) / square
-    near = min(s.memory[r, LEFT] / GOAL_NEAR, 1.0)
+    near = min(s.memory[r].time_left / GOAL_NEAR, 1.0)
     push = a.settings[r].repulsion * field_at(part, near)[1]
     for j in range(first, end):
         s.pull[j] -= taken * a.raw[j]
@@ -249,7 +236,7 @@ def add_push(r: int, a: Response, s: Lead, m: Motion) -> None:
     The repulsion of all pairs is their weighted mean, so that many pairs of one wall
     repel no more than one of them.
     """
-    if s.notes[r, LED] != BY_FIELD or s.notes[r, IN_MINIMUM] != 0:
+    if s.notes[r].source != Source.FIELD or s.notes[r].in_minimum != 0:
         return
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
@@ -275,7 +262,7 @@ def limit_share(first: int, end: int, share: float, speeds: Floats, m: Motion) -
 @kernel
 def is_there(r: int, s: Lead, w: Workspace, m: Motion) -> bool:
     """Whether a robot has reached the goal of its field."""
-    if s.notes[r, GOAL] == JOINTS_GOAL:
+    if s.notes[r].goal == Goal.JOINTS:
         first = m.robot_figures[r].first_joint
         for j in range(first, first + m.robot_figures[r].joint_count):
             if not abs(s.aim[j] - m.q[j]) <= JOINT_THERE:
@@ -288,9 +275,9 @@ def is_there(r: int, s: Lead, w: Workspace, m: Motion) -> bool:
 @kernel
 def forget_progress(r: int, s: Lead) -> None:
     """Reset the progress of a robot towards its goal."""
-    s.notes[r, IN_MINIMUM] = 0
-    s.memory[r, PULL] = s.memory[r, IDLE] = s.memory[r, STANDS] = 0.0
-    s.memory[r, BEST] = np.inf
+    s.notes[r].in_minimum = 0
+    s.memory[r].speed = s.memory[r].stalled = s.memory[r].at_rest = 0.0
+    s.memory[r].least_time_left = np.inf
 
 
 @kernel
@@ -299,20 +286,21 @@ def look_for_minimum(
 ) -> None:
     """Note whether a robot under its field makes progress or is in a local minimum."""
     memory, dt = s.memory[r], time_passed(v)
-    if s.notes[r, IN_MINIMUM] != 0:
+    if s.notes[r].in_minimum != 0:
         return
     if is_there(r, s, w, m):
-        memory[BEST], memory[IDLE], memory[STANDS] = memory[LEFT], 0.0, 0.0
+        memory.least_time_left = memory.time_left
+        memory.stalled = memory.at_rest = 0.0
         return
-    if memory[LEFT] < (1.0 - PROGRESS) * memory[BEST]:
-        memory[BEST], memory[IDLE] = memory[LEFT], 0.0
+    if memory.time_left < (1.0 - PROGRESS) * memory.least_time_left:
+        memory.least_time_left, memory.stalled = memory.time_left, 0.0
     else:
-        memory[IDLE] += dt
+        memory.stalled += dt
     first = m.robot_figures[r].first_joint
     fastest = 0.0
     for j in range(first, first + m.robot_figures[r].joint_count):
         fastest = max(fastest, abs(v.commanded[j]) / m.joint_figures[j].velocity)
-    memory[STANDS] = memory[STANDS] + dt if fastest < STILL_SHARE else 0.0
+    memory.at_rest = memory.at_rest + dt if fastest < STILL_SHARE else 0.0
     patience = a.settings[r].patience
-    if memory[IDLE] > patience or memory[STANDS] > 0.5 * patience:
-        s.notes[r, IN_MINIMUM] = 1
+    if memory.stalled > patience or memory.at_rest > 0.5 * patience:
+        s.notes[r].in_minimum = 1

@@ -9,7 +9,7 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.grip_keeping import carries
-from armguard.respond.state import ROW_COUNT, ROWS, Response
+from armguard.respond.state import ROWS, Response
 
 
 @kernel(inline=False)
@@ -36,7 +36,7 @@ def slow_finger(r: int, body: int, g: int, a: Response, h: Grips, m: Motion) -> 
         j = m.q_index[b]
         if m.robot_of_joint[j] != r or carries(b, h.grippers[g].body, m):
             continue
-        for row in range(a.notes[r, ROW_COUNT]):
+        for row in range(a.notes[r].row_count):
             slow_joint(j, r, r * ROWS + row, a, m)
 
 

@@ -19,34 +19,10 @@ from armguard.guard.continuous import PathCheck
 from armguard.guard.given import other_unit
 from armguard.guard.levels import Reason
 from armguard.guard.watch import Watch
-from armguard.respond.engagement import Standing
-from armguard.respond.lead_state import (
-    ALONG,
-    BEGUN,
-    BEST,
-    COUNT,
-    GOAL,
-    HEAD,
-    IDLE,
-    IN_MINIMUM,
-    JOINTS_GOAL,
-    KEEP,
-    LET_GO,
-    NO_GOAL,
-    PULL,
-    STANDS,
-    STAYS,
-    STRAIGHT,
-    SUSPENDED,
-    THEN_SAFE,
-    TOOL_BODY,
-    TOOL_GOAL,
-    TRAIL,
-    WAY,
-    Lead,
-)
+from armguard.respond.engagement import Engagement
+from armguard.respond.lead_state import TRAIL, Goal, Lead, Retreat
 from armguard.respond.requested import as_vector, reason_of_stop
-from armguard.respond.state import ORDERED, STATE, Response
+from armguard.respond.state import Response, RobotNotes
 from armguard.respond.tool import Tool, Tools
 from armguard.scene.tables import RobotPart, SceneTables
 
@@ -94,8 +70,8 @@ class Guidance:
             return
         for r in chosen:
             notes = self.response.notes[r]
-            if ordered or not notes[ORDERED]:
-                notes[ORDERED] = 0
+            if ordered or not notes.ordered_stop:
+                notes.ordered_stop = 0
                 engage_lead(r, self.lead)
                 catch_up(notes)
 
@@ -105,7 +81,7 @@ class Guidance:
         if self.response is None:
             return {}
         notes = self.response.notes
-        why = {p.name: notes[r][ORDERED] for r, p in enumerate(self.tables.robots)}
+        why = {p.name: notes[r].ordered_stop for r, p in enumerate(self.tables.robots)}
         return {name: Reason(int(reason)) for name, reason in why.items() if reason}
 
     def hold(self, ordered: Mapping[str, Reason]) -> None:
@@ -121,7 +97,8 @@ class Guidance:
             (r,) = self._chosen(name)
             if self.response is not None:
                 notes = self.response.notes[r]
-                notes[ORDERED], notes[STATE] = reason_of_stop(reason), Standing.WAITING
+                notes.ordered_stop = reason_of_stop(reason)
+                notes.engagement = Engagement.WAITING
 
     def field_goal(
         self,
@@ -194,7 +171,7 @@ class Guidance:
                     f"a retreat leads to '{to}'; it must be 'path' or positions"
                 )
             for r in chosen:
-                if lead.notes[r, COUNT] == 0:
+                if lead.notes[r].count == 0:
                     raise NoRetreatError(
                         "nothing is known of the way that led robot "
                         f"'{parts[r].name}' in; give the positions it is to retreat to"
@@ -231,13 +208,13 @@ class Guidance:
         there = here.copy()
         there[own] = safe
         first = self.check_path([here, there])
-        count = int(lead.notes[r, COUNT])
+        count = int(lead.notes[r].count)
         if first.clear:
             return count
         looks = min(LOOKS, count)
         for k in range(looks):
             back = (k + 1) * count // looks - 1
-            row = (lead.notes[r, HEAD] - 1 - back) % TRAIL
+            row = (lead.notes[r].head - 1 - back) % TRAIL
             here[own] = lead.trail[row, own]
             if self.check_path([here, there]).clear:
                 return count - 1 - back
@@ -286,10 +263,10 @@ def check_modes(tables: SceneTables) -> None:
             )
 
 
-def catch_up(notes: NDArray[np.int64]) -> None:
+def catch_up(notes: RobotNotes) -> None:
     """Have a robot that waits after a stop catch up with its operator."""
-    if notes[STATE] == Standing.WAITING:
-        notes[STATE] = Standing.CATCHING_UP
+    if notes.engagement == Engagement.WAITING:
+        notes.engagement = Engagement.CATCHING_UP
 
 
 def set_goal(
@@ -316,32 +293,35 @@ def set_goal(
         )
     if q is not None and pose is not None:
         raise GoalError(f"robot '{part.name}' was given q and a pose; give one of them")
-    kind = NO_GOAL
+    kind = Goal.NONE
     if q is not None:
         lead.aim[tool.own] = positions_of(part, q, tool.tables)
-        kind = JOINTS_GOAL
+        kind = Goal.JOINTS
     elif pose is not None:
         T = pose.matrix() if isinstance(pose, Pose) else check_transform("pose", pose)
         # The goal is a pose of the body; the link may be rotated in its body.
         aim = np.column_stack([T[:3, :3] @ tool.R_body.T, T[:3, 3]])
-        lead.tool_aim[r] = np.concatenate([aim.ravel(), tool.p_body])
-        lead.notes[r, TOOL_BODY] = tool.body
-        kind = TOOL_GOAL
-    lead.notes[r, GOAL] = kind
+        lead.tool_aim[r].pose[:] = aim.ravel()
+        lead.tool_aim[r].origin[:] = tool.p_body
+        lead.notes[r].tool_body = tool.body
+        kind = Goal.TOOL
+    lead.notes[r].goal = kind
     begin_anew(r, lead)
 
 
 def begin_anew(r: int, lead: Lead) -> None:
     """Restart a robot's field from standstill."""
-    lead.notes[r, [SUSPENDED, IN_MINIMUM]] = 0
-    lead.memory[r, [PULL, IDLE, STANDS]] = 0.0
-    lead.memory[r, BEST] = np.inf
+    notes, memory = lead.notes[r], lead.memory[r]
+    notes.suspended = notes.in_minimum = 0
+    memory.speed = memory.stalled = memory.at_rest = 0.0
+    memory.least_time_left = np.inf
 
 
 def engage_lead(r: int, lead: Lead) -> None:
     """End a robot's retreat and the suspension of its field."""
-    if lead.notes[r, WAY] != STAYS or lead.notes[r, [SUSPENDED, IN_MINIMUM]].any():
-        lead.notes[r, WAY] = STAYS
+    notes = lead.notes[r]
+    if notes.retreat != Retreat.NONE or notes.suspended or notes.in_minimum:
+        notes.retreat = Retreat.NONE
         begin_anew(r, lead)
 
 
@@ -372,7 +352,7 @@ def positions_of(part: RobotPart, q: ArrayLike, tables: SceneTables) -> Floats:
 def set_out(r: int, keep: int, then_safe: bool, lead: Lead) -> None:
     """Begin a retreat in the next cycle in which the robot is not being stopped."""
     notes = lead.notes[r]
-    straight = then_safe and keep >= notes[COUNT]
-    notes[WAY] = STRAIGHT if straight else ALONG
-    notes[KEEP], notes[THEN_SAFE] = keep, then_safe
-    notes[BEGUN] = notes[LET_GO] = 0
+    straight = then_safe and keep >= notes.count
+    notes.retreat = Retreat.STRAIGHT if straight else Retreat.ALONG_TRAIL
+    notes.unused, notes.to_safe = keep, then_safe
+    notes.begun = notes.released = 0

@@ -33,10 +33,8 @@ from armguard.respond.requested import (
 from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
-    CROWDED,
     NEVER,
     POSITIONS,
-    ROW_COUNT,
     ROWS,
     STANDSTILL,
     TWISTS,
@@ -357,10 +355,10 @@ class Guard(Monitor):
             if not programs >> r & 1:
                 continue
             own = slice(part.first_joint, part.first_joint + part.joint_count)
-            rows = slice(r * ROWS, r * ROWS + response.notes[r, ROW_COUNT])
+            rows = slice(r * ROWS, r * ROWS + response.notes[r].row_count)
             found = None
             for limits in (response.limits, response.eased):
-                if found is None and not response.notes[r, CROWDED]:
+                if found is None and not response.notes[r].overflows:
                     found = nearest_velocity(
                         response.target[own],
                         response.low[own],

@@ -11,15 +11,9 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Changed
-from armguard.respond.constraints import (
-    time_to_effect,
-)
-from armguard.respond.lead_state import BY_RETREAT, LED
-from armguard.respond.state import (
-    CHANGED,
-    RETREATS,
-    Response,
-)
+from armguard.respond.constraints import time_to_effect
+from armguard.respond.lead_state import Source
+from armguard.respond.state import Response
 
 Floats = NDArray[np.float64]
 
@@ -97,7 +91,7 @@ def frame_limits(
     end = first + robot.joint_count
     share = a.speed[r]
     # A recovery begins at a speed that surely opens the pairs.
-    begins = a.notes[r, RETREATS] != 0 and v.phase[r] == RESTING and v.evades[r] == 0
+    begins = a.notes[r].recovers != 0 and v.phase[r] == RESTING and v.evades[r] == 0
     slower = 1.0
     for j in range(first, end):
         top = share * m.joint_figures[j].velocity
@@ -130,7 +124,7 @@ def frame_limits(
         if within != target[j]:
             changed |= BY_LIMITS
             target[j] = within
-    a.notes[r, CHANGED] = changed
+    a.notes[r].changed = changed
 
 
 @kernel
@@ -158,7 +152,7 @@ def lead_within_limits(j: int, a: Response, w: Workspace, m: Motion) -> None:
 @kernel
 def retreats(r: int, a: Response) -> bool:
     """Whether a robot retreats, so that it keeps to its path."""
-    return bool(a.lead.notes[r, LED] == BY_RETREAT)
+    return bool(a.lead.notes[r].source == Source.RETREAT)
 
 
 @kernel

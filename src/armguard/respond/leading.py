@@ -15,62 +15,17 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.command import Blocked
-from armguard.respond.engagement import NO_REQUEST, Standing
-from armguard.respond.field import (
-    attract,
-    forget_progress,
-    look_for_minimum,
-    repel,
-)
-from armguard.respond.lead_state import (
-    BEGUN,
-    BY_FIELD,
-    BY_RETREAT,
-    GOAL,
-    IN_MINIMUM,
-    LED,
-    LET_GO,
-    NO_GOAL,
-    OPERATOR,
-    PULL,
-    STANDS,
-    STAYS,
-    SUSPENDED,
-    WAY,
-    Lead,
-)
+from armguard.respond.engagement import NO_REQUEST, Engagement
+from armguard.respond.field import attract, forget_progress, look_for_minimum, repel
+from armguard.respond.lead_state import Goal, Lead, Retreat, Source
 from armguard.respond.retreat import is_held_up, lead_back, stand
-from armguard.respond.state import (
-    ASKS,
-    BLOCKED,
-    FORM,
-    GAVE_POSITIONS,
-    LEADS_AWAY,
-    ORDERED,
-    POSITIONS,
-    REFUSED,
-    STATE,
-    VELOCITIES,
-    Response,
-)
+from armguard.respond.state import POSITIONS, VELOCITIES, Response
 from armguard.respond.trail import remember_place
 
 OK = int(Reason.OK)
 
 # Time constant of each of the two lags of a guided robot's request [s].
 LAG = 0.02
-
-FOLLOWING = int(Standing.FOLLOWING)
-WAITING = int(Standing.WAITING)
-
-FOLLOWS = int(Blocked.NOT)
-STOPPED = int(Blocked.STOPPED)
-TOO_NEAR = int(Blocked.TOO_NEAR)
-PINCHED = int(Blocked.PINCHED)
-NO_WAY = int(Blocked.NO_WAY)
-RETREATING = int(Blocked.RETREATING)
-WAY_BLOCKED = int(Blocked.WAY_BLOCKED)
-LOCAL_MINIMUM = int(Blocked.LOCAL_MINIMUM)
 
 
 @kernel(separate=True)
@@ -86,18 +41,18 @@ def lead_robots(a: Response, w: Workspace) -> None:
     fields = False
     for r in range(s.notes.shape[0]):
         notes = s.notes[r]
-        notes[LED] = OPERATOR
+        notes.source = Source.OPERATOR
         phase = v.phase[r]
         if phase == STOPPING or phase == BRAKING or phase == LOST:
-            notes[SUSPENDED] = int(notes[GOAL] != NO_GOAL)
-            if notes[BEGUN] != 0:
-                notes[WAY] = STAYS
+            notes.suspended = int(notes.goal != Goal.NONE)
+            if notes.begun != 0:
+                notes.retreat = Retreat.NONE
             continue
-        if notes[WAY] != STAYS:
+        if notes.retreat != Retreat.NONE:
             retreat(r, a, s, v, m)
         elif draws(r, a, s, m):
-            notes[LED] = BY_FIELD
-            if notes[IN_MINIMUM] != 0:
+            notes.source = Source.FIELD
+            if notes.in_minimum != 0:
                 stand(r, a, m)
             else:
                 attract(r, a, s, w, v, m)
@@ -117,7 +72,7 @@ def smooth_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     part = 1.0 - exp(-time_passed(v) / LAG)
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        if s.notes[r, LED] == OPERATOR:
+        if s.notes[r].source == Source.OPERATOR:
             s.first_lag[j] = s.second_lag[j] = v.commanded[j]
         else:
             s.first_lag[j] += part * (a.requested[j] - s.first_lag[j])
@@ -139,29 +94,31 @@ def asks(r: int, a: Response, m: Motion) -> bool:
 def retreat(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     """Continue a robot's retreat, unless its operator ends it."""
     notes = s.notes[r]
-    if notes[BEGUN] == 0:
-        s.memory[r, PULL] = s.memory[r, STANDS] = 0.0
-    notes[BEGUN] = 1
-    if a.asking[FORM] == VELOCITIES:
+    if notes.begun == 0:
+        s.memory[r].speed = s.memory[r].at_rest = 0.0
+    notes.begun = 1
+    if a.request[0].form == VELOCITIES:
         wants = asks(r, a, m)
         if not wants:
-            notes[LET_GO] = 1
-        elif notes[LET_GO] != 0:
-            notes[WAY] = STAYS
-            a.notes[r, STATE] = FOLLOWING
+            notes.released = 1
+        elif notes.released != 0:
+            notes.retreat = Retreat.NONE
+            a.notes[r].engagement = Engagement.FOLLOWING
             return
     if lead_back(r, a, s, v, m):
-        notes[LED] = BY_RETREAT
+        notes.source = Source.RETREAT
     else:
         # The retreat led away, not the operator, who must still release the robot.
-        a.notes[r, LEADS_AWAY] = 0
+        a.notes[r].request_opens = 0
 
 
 @kernel
 def draws(r: int, a: Response, s: Lead, m: Motion) -> bool:
     """Whether a robot's field leads it in this cycle."""
     notes = s.notes[r]
-    if notes[GOAL] == NO_GOAL or notes[SUSPENDED] != 0 or a.asking[FORM] == POSITIONS:
+    if notes.goal == Goal.NONE or notes.suspended != 0:
+        return False
+    if a.request[0].form == POSITIONS:
         return False
     if asks(r, a, m):
         # The operator moves it, so the path to its goal may change.
@@ -178,14 +135,14 @@ def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     required again after it. An evading robot has no other guidance, and a robot under
     an ordered stop has none at all.
     """
-    if v.evades[r] != 0 or a.notes[r, ORDERED] != 0:
-        s.notes[r, LED] = OPERATOR
-    if s.notes[r, LED] != BY_RETREAT:
+    if v.evades[r] != 0 or a.notes[r].ordered_stop != 0:
+        s.notes[r].source = Source.OPERATOR
+    if s.notes[r].source != Source.RETREAT:
         return follows
     notes = a.notes[r]
-    notes[STATE], notes[GAVE_POSITIONS], notes[REFUSED] = WAITING, 1, 0
-    if notes[BLOCKED] != TOO_NEAR:
-        notes[BLOCKED] = RETREATING
+    notes.engagement, notes.gave_positions, notes.refused = Engagement.WAITING, 1, 0
+    if notes.blocked != Blocked.TOO_NEAR:
+        notes.blocked = Blocked.RETREATING
         a.speed[r] = a.settings[r].resume_speed
     return True
 
@@ -205,11 +162,11 @@ def note_leads(judged: int, a: Response, w: Workspace) -> None:
         return
     for r in range(s.notes.shape[0]):
         runs = v.phase[r] == RUNNING
-        led = s.notes[r, LED]
+        led = s.notes[r].source
         proven = v.must[r] == 0 and v.last.forced == OK
-        if runs and proven and led != BY_RETREAT:
+        if runs and proven and led != Source.RETREAT:
             remember_place(r, s, m)
-        if runs and led == BY_FIELD:
+        if runs and led == Source.FIELD:
             look_for_minimum(r, a, s, w, v, m)
         say_lead(r, a, s, v, m)
 
@@ -218,14 +175,14 @@ def note_leads(judged: int, a: Response, w: Workspace) -> None:
 def say_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     """Write the reason for which a guided robot makes no progress."""
     notes, own = a.notes[r], s.notes[r]
-    blocked = notes[BLOCKED]
-    if own[LED] == BY_RETREAT:
-        named = blocked == PINCHED or blocked == NO_WAY
+    blocked = notes.blocked
+    if own.source == Source.RETREAT:
+        named = blocked == Blocked.PINCHED or blocked == Blocked.NO_WAY
         if is_held_up(r, a, s, v, m) and not named:
-            notes[BLOCKED] = WAY_BLOCKED
-    elif blocked == FOLLOWS and own[LED] == BY_FIELD:
-        if own[IN_MINIMUM] != 0:
-            notes[BLOCKED] = LOCAL_MINIMUM
-    elif blocked == FOLLOWS and own[SUSPENDED] != 0 and notes[ASKS] == 0:
-        if a.asking[FORM] == VELOCITIES:
-            notes[BLOCKED] = STOPPED
+            notes.blocked = Blocked.WAY_BLOCKED
+    elif blocked == Blocked.NOT and own.source == Source.FIELD:
+        if own.in_minimum != 0:
+            notes.blocked = Blocked.LOCAL_MINIMUM
+    elif blocked == Blocked.NOT and own.suspended != 0 and notes.requests_motion == 0:
+        if a.request[0].form == VELOCITIES:
+            notes.blocked = Blocked.STOPPED

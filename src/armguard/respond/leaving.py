@@ -25,13 +25,7 @@ from armguard.motion.nearest import joint_way
 from armguard.motion.pair_state import ALLOWED
 from armguard.motion.state import Motion
 from armguard.respond.evasion import gets_out_of_its_way
-from armguard.respond.state import (
-    ASKS,
-    EITHER_WAY,
-    RETREATS,
-    TANGLED,
-    Response,
-)
+from armguard.respond.state import EITHER_WAY, Response
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +55,7 @@ def spare_at_rest(
 def anybody_leaves(a: Response) -> bool:
     """Whether any robot recovers from pairs that are too near, or evades."""
     for r in range(a.notes.shape[0]):
-        if a.notes[r, RETREATS] != 0:
+        if a.notes[r].recovers != 0:
             return True
     return False
 
@@ -95,8 +89,8 @@ def note_ways_out(a: Response, w: Workspace) -> None:
                 a.ways_out[q] = way if known == 0 or known == way else EITHER_WAY
     for q in range(a.ways_out.shape[0]):
         r = m.robot_of_joint[q]
-        if a.ways_out[q] == EITHER_WAY and a.notes[r, RETREATS] != 0:
-            a.notes[r, TANGLED] = 1
+        if a.ways_out[q] == EITHER_WAY and a.notes[r].recovers != 0:
+            a.notes[r].coupled = 1
 
 
 @kernel
@@ -137,7 +131,7 @@ def lead_away(r: int, a: Response, w: Workspace, v: Watch, m: Motion) -> bool:
         part = min(part, m.joint_figures[j].acceleration * time_passed(v) / size)
     if v.phase[r] != RESTING:
         part = 1.0
-    if least > part and a.notes[r, ASKS] == 0:
+    if least > part and a.notes[r].requests_motion == 0:
         return False
     part = max(part, least)
     if not part <= most:

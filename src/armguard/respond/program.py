@@ -61,22 +61,7 @@ from armguard.respond.leaving import (
     spare_at_rest,
 )
 from armguard.respond.spares import steady_spare
-from armguard.respond.state import (
-    ASKS,
-    BREAKS,
-    CHANGED,
-    CROWDED,
-    LEADS_AWAY,
-    LESS,
-    NEARER,
-    OPENS,
-    RETREATS,
-    ROW_COUNT,
-    ROWS,
-    STEP,
-    TANGLED,
-    Response,
-)
+from armguard.respond.state import ROWS, Response
 from armguard.respond.straight import (
     reaches_anything,
     slow_to_contract,
@@ -105,13 +90,13 @@ def add_pairs(a: Response, w: Workspace) -> None:
     """
     v, m = w.watch, w.motion
     for r in range(a.notes.shape[0]):
-        a.notes[r, ROW_COUNT] = a.notes[r, BREAKS] = a.notes[r, CROWDED] = 0
-        a.notes[r, LEADS_AWAY] = a.notes[r, TANGLED] = 0
-        a.notes[r, OPENS] = int(a.notes[r, RETREATS] == 0)
+        a.notes[r].row_count = a.notes[r].violates = a.notes[r].overflows = 0
+        a.notes[r].request_opens = a.notes[r].coupled = 0
+        a.notes[r].target_opens = int(a.notes[r].recovers == 0)
     dt = time_passed(v)
-    a.pace[STEP] = dt
-    a.pace[NEARER] = 1.0 - exp(-dt / APPROACH_TIME)
-    a.pace[LESS] = 1.0 - exp(-dt / HOLDING_TIME)
+    a.loss[0].time = dt
+    a.loss[0].approach = 1.0 - exp(-dt / APPROACH_TIME)
+    a.loss[0].holding = 1.0 - exp(-dt / HOLDING_TIME)
     write_costs(a, v, m)
     if anybody_leaves(a):
         note_ways_out(a, w)
@@ -120,8 +105,8 @@ def add_pairs(a: Response, w: Workspace) -> None:
         add_pair(w.near[k], approaches, a, w, v, m)
     for r in range(a.notes.shape[0]):
         # A target that opens all near pairs is left unchanged as far as it is provable.
-        limits = a.passing if a.notes[r, OPENS] != 0 else a.limits
-        a.notes[r, BREAKS] = int(breaks_rows(r, limits, a, m))
+        limits = a.passing if a.notes[r].target_opens != 0 else a.limits
+        a.notes[r].violates = int(breaks_rows(r, limits, a, m))
 
 
 @kernel
@@ -132,7 +117,7 @@ def write_costs(a: Response, v: Watch, m: Motion) -> None:
     """
     for j in range(a.closing_time.shape[0]):
         figures, last = m.joint_figures[j], abs(v.commanded[j])
-        gain = figures.acceleration * a.pace[STEP]
+        gain = figures.acceleration * a.loss[0].time
         time = time_before_stop(j, int(m.robot_of_joint[j]), m)
         braking = 0.5 * gain / figures.deceleration
         a.closing_time[j] = time + last / figures.deceleration + braking
@@ -144,7 +129,7 @@ def breaks_rows(r: int, limits: Floats, a: Response, m: Motion) -> bool:
     """Whether a robot's target violates a row of its program with these bounds."""
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
-    for k in range(a.notes[r, ROW_COUNT]):
+    for k in range(a.notes[r].row_count):
         at = r * ROWS + k
         reached = 0.0
         for j in range(first, end):
@@ -187,10 +172,10 @@ def add_pair(
         if v.evades[r] != 0 and gets_out_of_its_way(r, j, v):
             continue
         note_request(r, intended, a, m)
-        if resting < SINK and a.notes[r, RETREATS] != 0 and not intended:
+        if resting < SINK and a.notes[r].recovers != 0 and not intended:
             only_out(r, a, m)
-            a.notes[r, CHANGED] |= BY_ROWS
-            if a.notes[r, TANGLED] != 0 and a.notes[r, ROW_COUNT] < ROWS:
+            a.notes[r].changed |= BY_ROWS
+            if a.notes[r].coupled != 0 and a.notes[r].row_count < ROWS:
                 add_opening(r, a, m)
             continue
         part = 1.0
@@ -198,15 +183,15 @@ def add_pair(
             other = robot_j if side == 0 else robot_i
             own, its = (closing_i, closing_j) if side == 0 else (closing_j, closing_i)
             part = part_of(r, other, own, its, a)
-        if a.notes[r, ROW_COUNT] > ROWS - 3:
-            a.notes[r, CROWDED] = 1
+        if a.notes[r].row_count > ROWS - 3:
+            a.notes[r].overflows = 1
             continue
         straight = straight_contract(r, i, j, a, w, v, m) if approaches else -1
         if straight >= 0:
-            a.notes[r, OPENS] = 0
-            a.notes[r, CHANGED] |= BY_ROWS
+            a.notes[r].target_opens = 0
+            a.notes[r].changed |= BY_ROWS
             slow_to_contract(r, straight, part, near.distance, a, w, m)
-        begin = a.notes[r, ROW_COUNT]
+        begin = a.notes[r].row_count
         add_limits(r, near, part, left, a, w)
         if straight >= 0:
             slow_to_rows(r, straight, begin, a, w, m)
@@ -224,11 +209,11 @@ def note_request(r: int, intended: bool, a: Response, m: Motion) -> None:
     """
     requested = 0.0 if intended else closing_of(r, a.raw, a.requested, m)
     if requested > GRAIN:
-        a.notes[r, LEADS_AWAY] = -1
-    elif requested < -GRAIN and a.notes[r, LEADS_AWAY] == 0:
-        a.notes[r, LEADS_AWAY] = 1
+        a.notes[r].request_opens = -1
+    elif requested < -GRAIN and a.notes[r].request_opens == 0:
+        a.notes[r].request_opens = 1
     if not surely_opens_by(r, a.raw, a, m):
-        a.notes[r, OPENS] = 0
+        a.notes[r].target_opens = 0
 
 
 @kernel
@@ -250,7 +235,7 @@ def add_limits(
     # A touching pair opens whenever an arm drifts into it. Other pairs do not move
     # a robot that has no request or keeps its path.
     keeps_path = a.settings[r].scales != 0
-    opens = intended or (a.notes[r, ASKS] != 0 and not keeps_path)
+    opens = intended or (a.notes[r].requests_motion != 0 and not keeps_path)
     lost = lost_till_then(r, a, v, m)
     add_approach(r, part * (left - SPARE) - lost, opens, a, v, m)
     add_holding(r, part * (left - LEAST_SPARE) - lost, opens, a, v, m)
@@ -272,7 +257,7 @@ def scale_back(r: int, a: Response, m: Motion) -> float:
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     part = 1.0
-    for k in range(a.notes[r, ROW_COUNT]):
+    for k in range(a.notes[r].row_count):
         at = r * ROWS + k
         from_brake = to_target = 0.0
         for j in range(first, end):

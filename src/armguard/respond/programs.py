@@ -20,7 +20,7 @@ from armguard.respond.daqp_interface import (
     SIZES,
 )
 from armguard.respond.solver import TOLERANCE
-from armguard.respond.state import CROWDED, ROW_COUNT, ROWS, Response
+from armguard.respond.state import ROWS, Response
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def solve_programs(programs: int, a: Response, m: Motion) -> int:
         if (programs >> r) & 1 == 0:
             continue
         solved = False
-        if a.notes[r, CROWDED] == 0:
+        if a.notes[r].overflows == 0:
             # If not all rows can be satisfied, try again with relaxed bounds.
             solved = solve(r, a.limits, a, m) or solve(r, a.eased, a, m)
         if not solved:
@@ -61,7 +61,7 @@ def solve(r: int, limits: Floats, a: Response, m: Motion) -> bool:
         Whether one was found; if so it is the target now.
     """
     first = m.robot_figures[r].first_joint
-    n, count = m.robot_figures[r].joint_count, int(a.notes[r, ROW_COUNT])
+    n, count = m.robot_figures[r].joint_count, a.notes[r].row_count
     room = a.target.shape[0]
     # Offset of each part of the program: H, f, A, bounds, x and its multipliers.
     f = room * room

@@ -8,58 +8,54 @@ from armguard.respond import escape_state as escape
 from armguard.respond import lead_state as lead
 from armguard.respond import state
 from armguard.respond.command import Blocked, Changed
-from armguard.respond.engagement import Standing
+from armguard.respond.engagement import Engagement
 from armguard.respond.escape_ways import FORMS, GOES, SIDES
 from armguard.scene.tables import SceneTables
 
 FLAGS = (
-    state.GAVE_POSITIONS,
-    state.REFUSED,
-    state.RETREATS,
-    state.BREAKS,
-    state.CROWDED,
-    state.ASKS,
-    state.TANGLED,
-    state.OPENS,
+    "gave_positions",
+    "refused",
+    "recovers",
+    "violates",
+    "overflows",
+    "requests_motion",
+    "coupled",
+    "target_opens",
 )
 
 BOUNDS: Rules = {
     "response.notes": [
-        Whole(0, max(Standing), (state.STATE,)),
-        Whole(0, max(Blocked), (state.BLOCKED,)),
-        Whole(0, state.ROWS, (state.ROW_COUNT,)),
-        Whole(-1, 1, (state.LEADS_AWAY,)),
+        Whole(0, max(Engagement), ("engagement",)),
+        Whole(0, max(Blocked), ("blocked",)),
+        Whole(0, state.ROWS, ("row_count",)),
+        Whole(-1, 1, ("request_opens",)),
         Whole(0, 1, FLAGS),
-        Whole(0, max(Reason), (state.ORDERED,)),
-        Whole(0, int(~Changed(0)), (state.CHANGED,)),
+        Whole(0, max(Reason), ("ordered_stop",)),
+        Whole(0, int(~Changed(0)), ("changed",)),
     ],
-    "response.asking": [
-        Whole(0, state.STANDSTILL, (state.FORM,)),
-        Whole(0, state.MOST_TWISTS, (state.TWIST_COUNT,)),
-        Whole(0, max(Reason), (state.STOP_REASON,)),
+    "response.request": [
+        Whole(0, state.STANDSTILL, ("form",)),
+        Whole(0, state.MOST_TWISTS, ("twist_count",)),
+        Whole(0, max(Reason), ("stop_reason",)),
     ],
     "response.ways_out": [Whole(-1, state.EITHER_WAY)],
     "response.spare_of": [
-        Whole(state.NEVER, "keys of pairs", (state.PAIR_KEY,)),
-        Whole(state.NEVER, MOST_COUNTED, (state.MET,)),
+        Whole(state.NEVER, "keys of pairs", ("key",)),
+        Whole(state.NEVER, MOST_COUNTED, ("last_near",)),
     ],
     "lead.notes": [
-        Whole(0, lead.BY_RETREAT, (lead.LED,)),
-        Whole(0, lead.TOOL_GOAL, (lead.GOAL,)),
-        Whole(0, lead.ENDS, (lead.WAY,)),
-        Whole(
-            0,
-            1,
-            (lead.SUSPENDED, lead.IN_MINIMUM, lead.BEGUN, lead.LET_GO, lead.THEN_SAFE),
-        ),
-        Whole(0, lead.TRAIL, (lead.KEEP, lead.COUNT)),
-        Whole(0, lead.TRAIL - 1, (lead.HEAD,)),
-        Whole(0, "bodies", (lead.TOOL_BODY,)),
+        Whole(0, max(lead.Source), ("source",)),
+        Whole(0, max(lead.Goal), ("goal",)),
+        Whole(0, max(lead.Retreat), ("retreat",)),
+        Whole(0, 1, ("suspended", "in_minimum", "begun", "released", "to_safe")),
+        Whole(0, lead.TRAIL, ("unused", "count")),
+        Whole(0, lead.TRAIL - 1, ("head",)),
+        Whole(0, "bodies", ("tool_body",)),
     ],
     "escape.notes": [
-        Whole(0, 1, (escape.EVADING, escape.HAS_WAY)),
-        Whole(0, "ways", (escape.NEXT_TRY,)),
-        Whole(0, "numbers of ways", (escape.KNOWN, escape.TRIED)),
+        Whole(0, 1, ("evading", "has_motion")),
+        Whole(0, "ways", ("next_candidate",)),
+        Whole(0, "numbers of ways", ("best_candidate", "judged")),
     ],
 }
 

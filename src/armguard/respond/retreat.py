@@ -13,23 +13,8 @@ from armguard.guard.watch import Watch
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
 from armguard.respond.field import led_speed
-from armguard.respond.lead_state import (
-    ALONG,
-    COUNT,
-    ENDS,
-    KEEP,
-    LEFT,
-    PULL,
-    STANDS,
-    STAYS,
-    STRAIGHT,
-    THEN_SAFE,
-    WAY,
-    Lead,
-)
-from armguard.respond.state import (
-    Response,
-)
+from armguard.respond.lead_state import Lead, Retreat
+from armguard.respond.state import Response
 from armguard.respond.trail import (
     TRAIL_STEP,
     drop_place,
@@ -65,27 +50,27 @@ def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
         Whether it still retreats; if not, it has arrived.
     """
     notes, blind = s.notes[r], blind_time(r, m)
-    while notes[WAY] == ALONG:
-        if notes[COUNT] <= notes[KEEP]:
-            notes[WAY] = STRAIGHT if notes[THEN_SAFE] != 0 else ENDS
+    while notes.retreat == Retreat.ALONG_TRAIL:
+        if notes.count <= notes.unused:
+            notes.retreat = Retreat.STRAIGHT if notes.to_safe != 0 else Retreat.BRAKING
             break
-        last = notes[COUNT] - 1 == notes[KEEP] and notes[THEN_SAFE] == 0
+        last = notes.count - 1 == notes.unused and notes.to_safe == 0
         row = place_back(r, 0, s)
         time = time_between(r, row, s, m)
         if time > blind + (ARRIVED if last else PASSED):
             ask_for_place(r, s.trail[row], time, last, a, s, v, m)
             return True
         drop_place(r, s)
-    if notes[WAY] == STRAIGHT:
+    if notes.retreat == Retreat.STRAIGHT:
         time = time_to(r, s.safe, m)
         if time > blind + ARRIVED:
             ask_for_place(r, s.safe, time, True, a, s, v, m)
             return True
-        notes[WAY] = ENDS
+        notes.retreat = Retreat.BRAKING
     if moves(r, v, m):
         stand(r, a, m)
         return True
-    notes[WAY] = STAYS
+    notes.retreat = Retreat.NONE
     return False
 
 
@@ -141,7 +126,7 @@ def ask_for_place(
         v: Watch.
         m: Motion.
     """
-    s.memory[r, LEFT] = time if last else np.inf
+    s.memory[r].time_left = time if last else np.inf
     speed = led_speed(r, a.settings[r].resume_speed, ARRIVAL, s, v, m)
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
@@ -158,8 +143,8 @@ def is_held_up(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
         commanded = max(commanded, abs(v.commanded[j]) / top)
         requested = max(requested, abs(a.requested[j]) / top)
     waits = commanded < HELD_UP * requested
-    s.memory[r, STANDS] = s.memory[r, STANDS] + time_passed(v) if waits else 0.0
+    s.memory[r].at_rest = s.memory[r].at_rest + time_passed(v) if waits else 0.0
     if waits:
         # It speeds up again as smoothly as at its start.
-        s.memory[r, PULL] = min(s.memory[r, PULL], commanded + HELD_UP * requested)
-    return bool(s.memory[r, STANDS] > HELD_UP_TIME)
+        s.memory[r].speed = min(s.memory[r].speed, commanded + HELD_UP * requested)
+    return bool(s.memory[r].at_rest > HELD_UP_TIME)

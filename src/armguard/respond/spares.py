@@ -11,7 +11,7 @@ from math import exp, isfinite
 from armguard.guard.commands import time_passed
 from armguard.guard.watch import Watch
 from armguard.kernel import kernel
-from armguard.respond.state import MET, PAIR_KEY, REMEMBERED, Response
+from armguard.respond.state import REMEMBERED, Response
 
 # Time constant at which a smaller value is forgotten [s].
 FORGETTING_TIME = 0.03
@@ -41,9 +41,9 @@ def steady_spare(i: int, j: int, left: float, a: Response, v: Watch) -> float:
     free = -1
     for k in range(PROBES):
         slot = (i * STRIDE + j + k) % REMEMBERED
-        since = now - a.spare_of[slot, MET]
+        since = now - a.spare_of[slot].last_near
         known = 0 < since <= UNMET
-        if known and a.spare_of[slot, PAIR_KEY] == key:
+        if known and a.spare_of[slot].key == key:
             kept = a.spares[slot]
             if isfinite(kept) and isfinite(left) and kept < left:
                 part = 1.0 - exp(-since * time_passed(v) / FORGETTING_TIME)
@@ -53,6 +53,6 @@ def steady_spare(i: int, j: int, left: float, a: Response, v: Watch) -> float:
         if free < 0 and not known and since != 0:
             free = slot
     if free >= 0:
-        a.spare_of[free, PAIR_KEY], a.spare_of[free, MET] = key, now
+        a.spare_of[free].key, a.spare_of[free].last_near = key, now
         a.spares[free] = left
     return left

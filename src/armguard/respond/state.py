@@ -12,10 +12,9 @@ from armguard.respond.lead_state import Lead
 from armguard.respond.solver import MOST_ITERATIONS, PRIMAL_TOLERANCE
 from armguard.scene.settings import CHOICES, RESPONSES
 from armguard.scene.tables import SceneTables
-from armguard.table import TABLE, LongMatrix, LongVector, Matrix, Vector, opener, table
+from armguard.table import TABLE, LongVector, Matrix, Vector, opener, table
 
 Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
 
 # Greatest number of constraint rows of a robot's quadratic program. Rows that no
 # admissible velocity can violate are left out; these are most of them.
@@ -84,56 +83,129 @@ def behaviours(tables: SceneTables) -> Any:
     return rows
 
 
-# Places in the notes of a robot.
-STATE = 0  # engagement by its operator, see `engagement`
-BLOCKED = 1  # why it does not follow its operator, see `Blocked`
-GAVE_POSITIONS = 2  # 1 if its operator requested positions in the last cycle
-REFUSED = 3  # 1 if it waits because the first requested position was far away
-RETREATS = 4  # 1 if it recovers from pairs that are too near, or evades
-ROW_COUNT = 5  # constraint rows of its program
-BREAKS = 6  # 1 if its target violates a row
-CROWDED = 7  # constraint overflow: 1 if there were more rows than room
-LEADS_AWAY = 8  # 1 if the request opens near pairs and closes none, -1 if it closes any
-ASKS = 9  # 1 if motion is requested of it
-TANGLED = 10  # coupled joints: 1 if a joint opens one too near pair, closes another
-ORDERED = 11  # reason of an ordered stop that lasts until it is engaged, 0 for none
-OPENS = 12  # 1 if its target and its request surely open every near pair
-CHANGED = 13  # why its command differs from the request, see `Changed`
-NOTES = 14
+@record
+class RobotNotes:
+    """State of the response of a robot.
+
+    Attributes:
+        engagement: Engagement by its operator, see `Engagement`.
+        blocked: Why it does not follow its operator, see `Blocked`.
+        gave_positions: 1 if its operator requested positions in the last cycle.
+        refused: 1 if it waits because the first requested position was far away.
+        recovers: 1 if it recovers from pairs that are too near, or evades.
+        row_count: Constraint rows of its program.
+        violates: 1 if its target violates a row.
+        overflows: Constraint overflow: 1 if there were more rows than room.
+        request_opens: 1 if the request opens near pairs and closes none, -1 if it
+            closes any.
+        requests_motion: 1 if motion is requested of it.
+        coupled: Coupled joints: 1 if a joint opens one too near pair, closes another.
+        ordered_stop: Reason of an ordered stop that lasts until it is engaged, 0 for
+            none.
+        target_opens: 1 if its target and its request surely open every near pair.
+        changed: Why its command differs from the request, see `Changed`.
+    """
+
+    engagement: int
+    blocked: int
+    gave_positions: int
+    refused: int
+    recovers: int
+    row_count: int
+    violates: int
+    overflows: int
+    request_opens: int
+    requests_motion: int
+    coupled: int
+    ordered_stop: int
+    target_opens: int
+    changed: int
+
 
 # Escape direction of a joint in a recovery, in `ways_out`: 1 or -1 if only that sign
 # opens all pairs that are too near, 0 if the joint moves none of them.
 EITHER_WAY = 2  # each sign opens one pair and closes another
 
-# Pairs whose headroom is remembered, and places in the row of a pair.
+# Pairs whose headroom is remembered, and `key` and `last_near` where there is none.
 REMEMBERED = 2048
-PAIR_KEY = 0  # its two primitives
-MET = 1  # number of the last cycle in which it was near, NEVER if none
 NEVER = -1000
 
-# What operators request, in `asking`.
-FORM = 0
+
+@record
+class RememberedPair:
+    """Pair whose headroom is remembered.
+
+    Attributes:
+        key: Its two primitives.
+        last_near: Number of the last cycle in which it was near.
+    """
+
+    key: int
+    last_near: int
+
+
+# Form of a request. These are no enumeration, since Python passes them to compiled
+# entries, which would be compiled a second time for its members.
 VELOCITIES = 0
 POSITIONS = 1
 TWISTS = 2
 STANDSTILL = 3
-TWIST_COUNT = 1  # number of requested twists
-STOP_REASON = 2  # reason of the ordered stop
-ASKING = 3
 
-# Greatest number of twists in a cycle, and places in the row of one.
+
+@record
+class Request:
+    """What operators request in a cycle.
+
+    Attributes:
+        form: Form of the request, see VELOCITIES.
+        twist_count: Number of requested twists.
+        stop_reason: Reason of the ordered stop.
+    """
+
+    form: int
+    twist_count: int
+    stop_reason: int
+
+
+# Greatest number of twists in a cycle. A request is a vector of numbers, whatever its
+# form; each twist is a row of them: robot and body of the tool, then from these places
+# on the `point` and the `twist` of `ToolTwist`.
 MOST_TWISTS = 8
-TOOL_ROBOT = 0
-TOOL_BODY = 1
-TOOL_POINT = 2  # origin of the tool in its body, 3 numbers [m]
-TOOL_TWIST = 5  # requested twist, 6 numbers [m/s], [rad/s]
+TOOL_POINT = 2
+TOOL_TWIST = 5
 TWIST_ROW = 11
 
-# Greatest loss of headroom of a pair in a cycle, in `pace`.
-STEP = 0  # time since the last commands [s]
-NEARER = 1  # share of the headroom, in an approach row [-]
-LESS = 2  # share of the headroom, in a holding row [-]
-PACE = 3
+
+@record
+class ToolTwist:
+    """Requested twist of a tool.
+
+    Attributes:
+        robot: Robot of the tool.
+        body: Body of the tool.
+        point: Origin of the tool in its body [m].
+        twist: Linear and angular velocity [m/s], [rad/s].
+    """
+
+    robot: int
+    body: int
+    point: Annotated[Floats, (3,)]
+    twist: Annotated[Floats, (6,)]
+
+
+@record
+class HeadroomLoss:
+    """Greatest loss of headroom of a pair in a cycle.
+
+    Attributes:
+        time: Time since the last commands [s].
+        approach: Share of the headroom, in an approach row [-].
+        holding: Share of the headroom, in a holding row [-].
+    """
+
+    time: float
+    approach: float
+    holding: float
 
 
 @table
@@ -142,9 +214,9 @@ class Response(NamedTuple):
 
     Attributes:
         settings: Behaviour of each robot, shape (r,).
-        notes: Notes on each robot, see STATE, shape (r, NOTES).
-        asking: Form of the request, see FORM, shape (ASKING,).
-        twists: Requested twists of tools, shape (MOST_TWISTS, TWIST_ROW).
+        notes: State of each robot, shape (r,).
+        request: The request of this cycle, shape (1,).
+        twists: Requested twists of tools, shape (MOST_TWISTS,).
         tool_columns: Scratch for tool Jacobians, shape (n, 6 MOST_TWISTS).
         tool_square: Scratch for linear equations, see `joint_velocities`.
         tool_speeds: Scratch for the twists of one robot, shape (6 MOST_TWISTS,).
@@ -166,7 +238,7 @@ class Response(NamedTuple):
         away: Joint motion that leads away from approaching obstacles, shape (n,).
         ways_out: Escape direction of each joint in a recovery, see EITHER_WAY, (n,).
         speed: Share of its top speeds that each robot may use, shape (r,) [-].
-        pace: Loss of headroom in a cycle, see STEP, shape (PACE,).
+        loss: Greatest loss of headroom in this cycle, shape (1,).
         closing_time: Time until rest for which a velocity of each joint counts that
             closes a pair, shape (n,) [s].
         opening_time: Time until rest for which a velocity of each joint counts that
@@ -177,8 +249,7 @@ class Response(NamedTuple):
         lead: Guidance of robots by the guard.
         escape: Evasion of approaching obstacles.
         spares: Headroom of remembered pairs, see `spares`, shape (REMEMBERED,) [m].
-        spare_of: Key of each remembered pair and cycle in which it was near last, shape
-            (REMEMBERED, 2).
+        spare_of: Each remembered pair, shape (REMEMBERED,).
         missed: Lasting tracking error of each joint, shape (n,) [rad/s or m/s].
         held_since: Time from which each robot waits for a person, NaN if it does not,
             shape (r,) [s].
@@ -187,9 +258,9 @@ class Response(NamedTuple):
     """
 
     settings: Annotated[Records[Behaviour], 1]
-    notes: LongMatrix
-    asking: LongVector
-    twists: Matrix
+    notes: Annotated[Records[RobotNotes], 1]
+    request: Annotated[Records[Request], 1]
+    twists: Annotated[Records[ToolTwist], 1]
     tool_columns: Matrix
     tool_square: Matrix
     tool_speeds: Vector
@@ -208,7 +279,7 @@ class Response(NamedTuple):
     away: Vector
     ways_out: LongVector
     speed: Vector
-    pace: Vector
+    loss: Annotated[Records[HeadroomLoss], 1]
     closing_time: Vector
     opening_time: Vector
     program: Vector
@@ -216,7 +287,7 @@ class Response(NamedTuple):
     commanded: Vector
     lead: Annotated[Lead, TABLE]
     spares: Vector
-    spare_of: LongMatrix
+    spare_of: Annotated[Records[RememberedPair], 1]
     missed: Vector
     escape: Annotated[Escape, TABLE]
     held_since: Vector
@@ -235,11 +306,13 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
         escape: Evasion of approaching obstacles.
     """
     n, robots = len(tables.q_names), len(tables.robots)
+    spare_of = records(REMEMBERED, RememberedPair)
+    spare_of.fill(NEVER)
     return Response(
         settings=behaviours(tables),
-        notes=np.zeros((robots, NOTES), dtype=np.int64),
-        asking=np.zeros(ASKING, dtype=np.int64),
-        twists=np.zeros((MOST_TWISTS, TWIST_ROW)),
+        notes=records(robots, RobotNotes),
+        request=records(1, Request),
+        twists=records(MOST_TWISTS, ToolTwist),
         tool_columns=np.zeros((n, 6 * MOST_TWISTS)),
         tool_square=np.zeros((6 * MOST_TWISTS, 6 * MOST_TWISTS + 1)),
         tool_speeds=np.zeros(6 * MOST_TWISTS),
@@ -258,7 +331,7 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
         away=np.zeros(n),
         ways_out=np.zeros(n, dtype=np.int64),
         speed=np.zeros(robots),
-        pace=np.zeros(PACE),
+        loss=records(1, HeadroomLoss),
         closing_time=np.zeros(n),
         opening_time=np.zeros(n),
         program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),
@@ -266,7 +339,7 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
         commanded=np.zeros(4 * n + 4 * robots),
         lead=lead,
         spares=np.zeros(REMEMBERED),
-        spare_of=np.full((REMEMBERED, 2), NEVER, dtype=np.int64),
+        spare_of=spare_of,
         missed=np.zeros(n),
         escape=escape,
         held_since=np.full(robots, np.nan),

@@ -20,11 +20,7 @@ from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, Motion
-from armguard.respond.state import (
-    ROW_COUNT,
-    ROWS,
-    Response,
-)
+from armguard.respond.state import ROWS, Response
 
 Floats = NDArray[np.float64]
 
@@ -120,7 +116,7 @@ def slow_to_rows(
     h = w.grips
     c = h.contracts[k]
     kept = 1.0
-    for row in range(begin, a.notes[r, ROW_COUNT]):
+    for row in range(begin, a.notes[r].row_count):
         at = r * ROWS + row
         kept = min(kept, share_kept(r, a.rows[at], a.limits[at], c, a, w, m))
     slow_arm(r, kept, c, a, w, m)

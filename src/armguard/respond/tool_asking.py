@@ -6,14 +6,7 @@ Several tools of one robot are moved at once, as far as its joints permit.
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
-from armguard.respond.state import (
-    TOOL_BODY,
-    TOOL_POINT,
-    TOOL_ROBOT,
-    TOOL_TWIST,
-    TWIST_COUNT,
-    Response,
-)
+from armguard.respond.state import Response
 from armguard.respond.tool_motion import lead_tools, tool_columns
 
 
@@ -32,22 +25,15 @@ def ask_for_tools(a: Response, w: Workspace, m: Motion) -> None:
         first = m.robot_figures[r].first_joint
         end = first + m.robot_figures[r].joint_count
         size = 0
-        for t in range(a.asking[TWIST_COUNT]):
-            commanded = a.twists[t]
-            if commanded[TOOL_ROBOT] != r:
+        for t in range(a.request[0].twist_count):
+            requested = a.twists[t]
+            if requested.robot != r:
                 continue
-            p = (
-                commanded[TOOL_POINT],
-                commanded[TOOL_POINT + 1],
-                commanded[TOOL_POINT + 2],
-            )
-            body = int(commanded[TOOL_BODY])
+            p = (requested.point[0], requested.point[1], requested.point[2])
+            body = requested.body
             tool_columns(body, p, first, end, size, a.tool_columns, w, m)
             for k in range(6):
-                a.tool_speeds[size + k] = commanded[TOOL_TWIST + k]
+                a.tool_speeds[size + k] = requested.twist[k]
             size += 6
         if size > 0:
-            lead_tools(
-                size, a.tool_speeds, first, end, a.tool_columns, a.tool_square,
-                a.raw, a.requested, w, m,
-            )  # fmt: skip
+            lead_tools(r, size, a.requested, a, w, m)

@@ -11,6 +11,7 @@ from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
 from armguard.motion.state import Motion
 from armguard.respond.joint_bounds import LIMIT_SPARE
+from armguard.respond.state import Response
 from armguard.robot.kinematics import FIXED, PRISMATIC
 
 Floats = NDArray[np.float64]
@@ -114,37 +115,29 @@ def turned_by(
 
 @kernel
 def joint_velocities(
-    size: int,
-    twists: Floats,
-    first: int,
-    end: int,
-    columns: Floats,
-    square: Floats,
-    speeds: Floats,
+    size: int, first: int, end: int, speeds: Floats, a: Response
 ) -> None:
     """Write joint velocities for twists of a robot's tools, by damped least squares.
 
     Args:
         size: Count of numbers of the twists, 6k.
-        twists: Velocity of each tool's origin and its angular velocity, shape
-            (6k,) [m/s], [rad/s].
         first: First joint of the robot.
         end: One behind its last joint.
-        columns: Jacobians from `tool_columns`, shape (n, 6k).
-        square: Scratch, shape (6k, 6k + 1).
         speeds: Joint velocities, overwritten for these joints, shape (n,).
+        a: Responses; `tool_speeds` holds the twists, `tool_columns` the Jacobians.
 
     References:
         Wampler, Manipulator inverse kinematic solutions based on vector formulations
         and damped least-squares methods, 1986.
     """
+    columns, square = a.tool_columns, a.tool_square
     for i in range(size):
         for k in range(size):
             total = DAMPING * DAMPING if i == k else 0.0
             for j in range(first, end):
                 total += columns[j, i] * columns[j, k]
             square[i, k] = total
-        square[i, size] = twists[i]
+        square[i, size] = a.tool_speeds[i]
     solve_positive(size, square)
     for j in range(first, end):
         speeds[j] = 0.0
@@ -154,37 +147,27 @@ def joint_velocities(
 
 @kernel
 def lead_tools(
-    size: int,
-    twists: Floats,
-    first: int,
-    end: int,
-    columns: Floats,
-    square: Floats,
-    weights: Floats,
-    speeds: Floats,
-    w: Workspace,
-    m: Motion,
+    r: int, size: int, speeds: Floats, a: Response, w: Workspace, m: Motion
 ) -> None:
     """Write joint velocities for twists, without joints that are near their limits.
 
     Args:
-        size: See `joint_velocities`, from here to `square`.
-        twists: Twists of the tools.
-        first: First joint of the robot.
-        end: One behind its last joint.
-        columns: Jacobians from `tool_columns`; they are weighted.
-        square: Scratch.
-        weights: Scratch, shape (n,).
-        speeds: Joint velocities, overwritten for these joints, shape (n,).
+        r: The robot.
+        size: Count of numbers of the twists, 6k.
+        speeds: Joint velocities, overwritten for its joints, shape (n,).
+        a: Responses; `tool_speeds` holds the twists. Their Jacobians in `tool_columns`
+            are weighted, and `raw` is overwritten.
         w: Workspace.
         m: Motion.
     """
-    joint_velocities(size, twists, first, end, columns, square, speeds)
-    if not weigh_room(size, first, end, speeds, columns, weights, w, m):
+    first = m.robot_figures[r].first_joint
+    end = first + m.robot_figures[r].joint_count
+    joint_velocities(size, first, end, speeds, a)
+    if not weigh_room(size, first, end, speeds, a, w, m):
         return
-    joint_velocities(size, twists, first, end, columns, square, speeds)
+    joint_velocities(size, first, end, speeds, a)
     for j in range(first, end):
-        speeds[j] *= weights[j]
+        speeds[j] *= a.raw[j]
 
 
 @kernel
@@ -193,8 +176,7 @@ def weigh_room(
     first: int,
     end: int,
     speeds: Floats,
-    columns: Floats,
-    weights: Floats,
+    a: Response,
     w: Workspace,
     m: Motion,
 ) -> bool:
@@ -208,8 +190,8 @@ def weigh_room(
         first: First joint of the robot.
         end: One behind its last joint.
         speeds: Joint velocities from `joint_velocities`.
-        columns: Jacobians from `tool_columns`; they are weighted.
-        weights: Roots of the weights, overwritten for these joints, shape (n,).
+        a: Responses; `tool_columns` is weighted, `raw` is overwritten with the roots of
+            the weights.
         w: Workspace.
         m: Motion.
 
@@ -226,9 +208,9 @@ def weigh_room(
         room -= 2.0 * m.joint_figures[j].position_error + LIMIT_SPARE
         part = min(max(room / LIMIT_NEAR, 0.0), 1.0)
         little |= part < 1.0
-        weights[j] = sqrt(part)
+        a.raw[j] = sqrt(part)
         for k in range(size):
-            columns[j, k] *= weights[j]
+            a.tool_columns[j, k] *= a.raw[j]
     return little
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armguard.kernel import kernel
 from armguard.motion.state import Motion
-from armguard.respond.lead_state import COUNT, HEAD, TRAIL, Lead
+from armguard.respond.lead_state import TRAIL, Lead
 
 Floats = NDArray[np.float64]
 
@@ -25,32 +25,32 @@ BACK_AGAIN = 0.5
 def remember_place(r: int, s: Lead, m: Motion) -> None:
     """Add a robot's configuration to its trail if it is far enough from the newest."""
     notes = s.notes[r]
-    if notes[COUNT] > 0:
+    if notes.count > 0:
         if time_between(r, place_back(r, 0, s), s, m) < TRAIL_STEP:
             return
-        if notes[COUNT] > 1:
+        if notes.count > 1:
             before = time_between(r, place_back(r, 1, s), s, m)
             if before < BACK_AGAIN * TRAIL_STEP:
                 drop_place(r, s)
                 return
     first = m.robot_figures[r].first_joint
     for j in range(first, first + m.robot_figures[r].joint_count):
-        s.trail[notes[HEAD], j] = m.q[j]
-    notes[HEAD] = (notes[HEAD] + 1) % TRAIL
-    notes[COUNT] = min(notes[COUNT] + 1, TRAIL)
+        s.trail[notes.head, j] = m.q[j]
+    notes.head = (notes.head + 1) % TRAIL
+    notes.count = min(notes.count + 1, TRAIL)
 
 
 @kernel
 def place_back(r: int, back: int, s: Lead) -> int:
     """Row of a place in a robot's trail, counted back from the newest."""
-    return int((s.notes[r, HEAD] - 1 - back) % TRAIL)
+    return int((s.notes[r].head - 1 - back) % TRAIL)
 
 
 @kernel
 def drop_place(r: int, s: Lead) -> None:
     """Remove the newest place of a robot's trail."""
-    s.notes[r, HEAD] = (s.notes[r, HEAD] - 1) % TRAIL
-    s.notes[r, COUNT] -= 1
+    s.notes[r].head = (s.notes[r].head - 1) % TRAIL
+    s.notes[r].count -= 1
 
 
 @kernel

@@ -15,11 +15,10 @@ from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.respond.cycle import finish, respond
 from armguard.respond.state import (
-    FORM,
     POSITIONS,
     STANDSTILL,
-    STOP_REASON,
-    TWIST_COUNT,
+    TOOL_POINT,
+    TOOL_TWIST,
     TWIST_ROW,
     TWISTS,
     VELOCITIES,
@@ -115,22 +114,27 @@ def command_measured(q: Floats, a: Response) -> None:
 @kernel
 def take_desired(form: int, desired: Floats, a: Response) -> None:
     """Write the request to the arrays that the cycle reads."""
-    a.asking[FORM] = form
+    a.request[0].form = form
     if form == STANDSTILL:
         # Any other value counts as the first reason of an ordered stop.
         known = desired.shape[0] == 1 and FIRST_ORDERED <= desired[0] <= LAST_ORDERED
-        a.asking[STOP_REASON] = int(desired[0]) if known else FIRST_ORDERED
+        a.request[0].stop_reason = int(desired[0]) if known else FIRST_ORDERED
         return
     count = desired.shape[0] // TWIST_ROW
     whole = count * TWIST_ROW == desired.shape[0] and count <= a.twists.shape[0]
     if form == TWISTS and whole:
-        a.asking[TWIST_COUNT] = count
+        a.request[0].twist_count = count
         for k in range(count):
-            for i in range(TWIST_ROW):
-                a.twists[k, i] = desired[k * TWIST_ROW + i]
+            row = desired[k * TWIST_ROW : (k + 1) * TWIST_ROW]
+            twist = a.twists[k]
+            twist.robot, twist.body = int(row[0]), int(row[1])
+            for i in range(3):
+                twist.point[i] = row[TOOL_POINT + i]
+            for i in range(6):
+                twist.twist[i] = row[TOOL_TWIST + i]
         return
     if form == TWISTS:
-        a.asking[FORM] = VELOCITIES
+        a.request[0].form = VELOCITIES
     into = a.goal if form == POSITIONS else a.requested
     whole = form != TWISTS and desired.shape[0] == into.shape[0]
     for j in range(into.shape[0]):
