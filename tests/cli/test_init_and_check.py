@@ -1,6 +1,7 @@
 """`armguard init` writes a scene that `check` passes; `check` says what to write."""
 
 import json
+import re
 
 import pytest
 from ruamel.yaml import YAML
@@ -10,8 +11,9 @@ from armguard.cli.app import app
 from armguard.cli.cycles import slower
 from armguard.cli.finding import in_yaml, merged, subject
 from armguard.cli.plausibility import FAST
+from armguard.errors import SceneError
 from armguard.geometry import Pose
-from armguard.scene import Scene, compile_scene
+from armguard.scene import Scene, compile_scene, load_scene
 from armguard.scene.posture import Distances, free_homes, touching_fingers
 
 LINK = """<link name="{name}"><collision><origin xyz="{xyz}"/>
@@ -333,6 +335,29 @@ def test_a_plausible_scene_prints_neither_tables_nor_passes(tmp_path):
     stopping = [row for row in answer["findings"] if row["topic"] == "stopping"]
     assert [row["keys"] for row in stopping] == [["robots", "l"], ["robots", "r"]]
     assert FAST == 4.0
+
+
+def test_closer_fits_are_measured_and_leave_the_scene_as_it_is(tmp_path):
+    rod = '<capsule radius="0.04" length="0.2"/>'
+    urdf = gripper_arm().replace(rod, '<cylinder radius="0.08" length="0.2"/>')
+    fits = "fit_target: 0.005, max_primitives: 1"
+    robot = f"urdf: r.urdf, {STOPPING}, home: {{thumb: 0.02}}, {fits}"
+    text = f"robots:\n  a: {{{robot}}}\n"
+    plain = check(tmp_path, text, urdf=urdf).stdout
+    assert "link rod overreaches by 23.5 mm, target 5.0 mm, thickness 160 mm" in plain
+    assert "`armguard check scene.yaml --closer` measures its effect" in plain
+    measured = check(tmp_path, text, "--closer", urdf=urdf).stdout
+    found = re.search(r"2 primitives instead of 1 bring ([\d.]+) mm", measured)
+    scene = load_scene(tmp_path / "scene.yaml")
+    scene.set_fit("a", fit_target=0.005, max_primitives=2)
+    fit = scene.robots["a"].fits["rod"]
+    assert found[1] == f"{fit.overreach * 1e3:.1f}"
+    assert fit.overreach < 0.0235
+    assert "a cycle at home takes" in measured
+    assert "max_primitives: 2" in measured
+    with pytest.raises(SceneError, match="max_primitives"):
+        scene.set_fit("a", max_primitives=0)
+    assert scene.robots["a"].max_primitives == 2
 
 
 def small_scene(tmp_path, **arm):
