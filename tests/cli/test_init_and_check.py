@@ -337,6 +337,13 @@ def test_a_plausible_scene_prints_neither_tables_nor_passes(tmp_path):
     assert FAST == 4.0
 
 
+def test_a_missing_scene_is_answered_by_how_to_write_one(tmp_path):
+    result = run("check", tmp_path / "scene.yaml")
+    assert result.exit_code == 2
+    assert "No such file" in result.stdout
+    assert "armguard init ROBOT ROBOT" in result.stdout
+
+
 def test_closer_fits_are_measured_and_leave_the_scene_as_it_is(tmp_path):
     rod = '<capsule radius="0.04" length="0.2"/>'
     urdf = gripper_arm().replace(rod, '<cylinder radius="0.08" length="0.2"/>')

@@ -90,7 +90,7 @@ def check(
         with loading_bar() as progress:
             loaded = load_scene(scene, robot=robot, progress=progress)
     except ArmguardError as error:
-        findings += file_findings(error, scene.name)
+        findings += file_findings(error, scene)
     else:
         findings += own_findings(loaded, scene.name, prove, closer)
         if prove:

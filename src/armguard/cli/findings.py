@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from importlib.metadata import version
+from pathlib import Path
 from platform import machine, python_version
 
 from armguard.cli.console import say
@@ -32,10 +33,13 @@ def versions() -> Finding:
     return Finding("versions", "PASS", ", ".join([*parts, where]))
 
 
-def file_findings(error: ArmguardError, file: str) -> list[Finding]:
+def file_findings(error: ArmguardError, file: Path) -> list[Finding]:
     """Each problem of a scene file that cannot be loaded."""
+    if not file.exists():
+        remedy = "give the path of a scene, or write one: `armguard init ROBOT ROBOT`"
+        return [Finding("scene", "FAIL", str(error), remedy)]
     if not isinstance(error, SceneFileError):
-        return [Finding("scene", "FAIL", str(error), f"change {file}")]
+        return [Finding("scene", "FAIL", str(error), f"change {file.name}")]
     return [found for problem in error.problems for found in problem_findings(problem)]
 
 
