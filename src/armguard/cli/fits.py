@@ -52,15 +52,17 @@ def fit_findings(scene: Scene, file: str, closer: bool) -> Iterator[Finding]:
             remedy = "accept that the arm stops that much earlier there, or fit closer"
             paste = "\n".join(f"{key}: {it}" for key, it in settings[name].items())
             if not closer:
+                remedy += f"; `armguard check {file} --closer` measures the effect"
+            elif (better := found[name][fit.link]).overreach < WORTH * fit.overreach:
                 remedy += (
-                    f"; `armguard check {file} --closer` measures what that brings"
+                    f": {len(better.shapes)} primitives instead of {len(fit.shapes)} "
+                    f"bring {better.overreach * 1e3:.1f} mm{cost}"
                 )
-            elif found[name][fit.link].overreach < WORTH * fit.overreach:
-                remedy += f": {gain(fit, found[name][fit.link])}{cost}"
             else:
                 remedy = (
-                    "accept that the arm stops that much earlier there: "
-                    f"{gain(fit, found[name][fit.link])}"
+                    "accept that the arm stops that much earlier there: up to "
+                    f"{settings[name]['max_primitives']} primitives bring "
+                    f"{better.overreach * 1e3:.1f} mm"
                 )
                 paste = ""
             yield Finding(
@@ -72,14 +74,6 @@ def fit_findings(scene: Scene, file: str, closer: bool) -> Iterator[Finding]:
                 ("robots", name),
                 paste,
             )
-
-
-def gain(fit: FittedLink, closer: FittedLink) -> str:
-    """What a closer fit of a link brings."""
-    return (
-        f"{len(closer.shapes)} primitives instead of {len(fit.shapes)} bring "
-        f"{closer.overreach * 1e3:.1f} mm"
-    )
 
 
 def wide_links(robot: SceneRobot) -> list[FittedLink]:
