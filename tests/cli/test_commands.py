@@ -2,6 +2,7 @@
 
 import json
 import re
+from io import StringIO
 
 import pytest
 from typer.testing import CliRunner
@@ -9,7 +10,14 @@ from typer.testing import CliRunner
 from approach import ball_guard
 from armguard.cli import main
 from armguard.cli.app import app
-from armguard.cli.console import STYLES, event_line, exit_code, jsonable
+from armguard.cli.console import (
+    STYLES,
+    Lines,
+    event_line,
+    exit_code,
+    jsonable,
+    loading_bar,
+)
 from armguard.cli.run import print_summary, summary
 from armguard.guard import EventLog, Level
 from armguard.scene.bay import FOLDER, bay_path
@@ -267,6 +275,21 @@ def test_lines_are_not_broken_outside_a_terminal(capsys):
     out.print(table)
     out.print("word " * 100)
     assert len(capsys.readouterr().out.splitlines()) == 3
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_loading_is_a_bar_on_a_terminal_and_lines_elsewhere(terminal, monkeypatch):
+    file = StringIO()
+    screen = Lines(file=file, force_terminal=terminal, width=100)
+    monkeypatch.setattr("armguard.cli.console.err", screen)
+    with loading_bar() as progress:
+        progress("fitting base", 1, 2)
+        progress("fitting [rod]", 2, 2)
+    shown = file.getvalue()
+    assert "fitting [rod]" in shown
+    assert ("left" in shown) is terminal
+    if not terminal:
+        assert shown.splitlines() == ["fitting base, 1 of 2", "fitting [rod], 2 of 2"]
 
 
 def test_the_help_offers_completion_and_no_tree():

@@ -3,13 +3,16 @@
 import json
 
 import pytest
+import trimesh
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from armguard.cli.app import app
 from armguard.cli.cycles import slower
 from armguard.cli.finding import in_yaml, merged, subject
+from armguard.cli.fits import fit_findings
 from armguard.cli.plausibility import FAST
+from armguard.errors import SceneError
 from armguard.geometry import Pose
 from armguard.scene import Scene, compile_scene
 from armguard.scene.posture import Distances, free_homes, touching_fingers
@@ -333,6 +336,49 @@ def test_a_plausible_scene_prints_neither_tables_nor_passes(tmp_path):
     stopping = [row for row in answer["findings"] if row["topic"] == "stopping"]
     assert [row["keys"] for row in stopping] == [["robots", "l"], ["robots", "r"]]
     assert FAST == 4.0
+
+
+def test_a_missing_scene_is_answered_by_how_to_write_one(tmp_path):
+    result = run("check", tmp_path / "scene.yaml")
+    assert result.exit_code == 2
+    assert "No such file" in result.stdout
+    assert "armguard init ROBOT ROBOT" in result.stdout
+
+
+def test_closer_fits_are_measured_and_leave_the_scene_as_it_is(tmp_path):
+    """An L of two bars, which one primitive holds badly and two hold well."""
+    bars = [
+        trimesh.creation.box((0.16, 0.04, 0.04)),
+        trimesh.creation.box(
+            (0.04, 0.04, 0.16),
+            trimesh.transformations.translation_matrix((0.06, 0, 0.06)),
+        ),
+    ]
+    trimesh.util.concatenate(bars).export(tmp_path / "l.stl")
+    rod = '<capsule radius="0.04" length="0.2"/>'
+    urdf = gripper_arm().replace(rod, '<mesh filename="l.stl"/>')
+    (tmp_path / "r.urdf").write_text(urdf)
+    scene = Scene(mode="fixed", buffer=0.005)
+    own = {"fit_target": 0.005, "max_primitives": 1}
+    scene.add_robot(tmp_path / "r.urdf", "a", home={"thumb": 0.02}, **own)
+    fits = dict(scene.robots["a"].fits)
+    (plain,) = fit_findings(scene, "s.yaml", False)
+    assert plain.sentence.startswith("link rod overreaches by ")
+    assert "`armguard check s.yaml --closer` measures the effect" in plain.remedy
+    assert plain.paste == "max_primitives: 2"
+    (closer,) = fit_findings(scene, "s.yaml", True)
+    assert closer.paste == plain.paste
+    for name, fit in scene.robots["a"].fits.items():
+        assert fit.shapes == fits[name].shapes
+    assert scene.robots["a"].max_primitives == 1
+    scene.set_fit("a", max_primitives=2)
+    found = scene.robots["a"].fits["rod"].overreach
+    assert found < 0.5 * fits["rod"].overreach
+    assert f": 2 primitives instead of 1 bring {found * 1e3:.1f} mm" in closer.remedy
+    assert "; a cycle at home takes " in closer.remedy
+    with pytest.raises(SceneError, match="max_primitives"):
+        scene.set_fit("a", max_primitives=0)
+    assert scene.robots["a"].max_primitives == 2
 
 
 def small_scene(tmp_path, **arm):

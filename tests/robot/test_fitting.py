@@ -5,11 +5,13 @@ import pickle
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial import cKDTree
 
 from armguard.errors import MeshError
 from armguard.geometry import Box, Capsule, PlacedShape, Pose, Sphere
 from armguard.geometry.shapes import Hull
+from armguard.geometry.shapes.hull import distinct
 from armguard.robot import find_named_robot, load_urdf
 from armguard.robot.fitting import (
     enclose_cylinder,
@@ -19,12 +21,13 @@ from armguard.robot.fitting import (
     uncovered,
 )
 from armguard.robot.fitting.clipping import cut
-from armguard.robot.fitting.exact import dent_depth, hull_faces, sticks_out
+from armguard.robot.fitting.exact import hull_faces, sticks_out
 from armguard.robot.fitting.fit import placed_triangles
 from armguard.robot.fitting.hull_reach import bound_pieces, hull_reach
 from armguard.robot.fitting.overreach import overreaches, surface_samples
 from armguard.robot.fitting.proof import inside, quartered
 from armguard.robot.fitting.store import as_dict
+from armguard.robot.fitting.triangle_tree import triangle_tree
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import CollisionElement, Cylinder, Link, MeshFile, RobotModel
 
@@ -259,35 +262,57 @@ def test_meshes_that_are_none_are_refused(tmp_path, name, text, says):
 def test_a_shape_far_off_has_its_overreach():
     triangle = np.array([[[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]])
     ball = PlacedShape(Sphere(radius=0.3))
-    (reach,) = overreaches(triangle, [ball], 0.001)
+    (reach,) = overreaches(triangle_tree(triangle), [ball], 0.001)
     assert reach == pytest.approx(0.3, abs=0.002)
 
 
 def dented(count, depth=0.02):
     """A dense ball with a dent at its top, shape (n, 3, 3)."""
-    import trimesh
-
     ball = trimesh.creation.uv_sphere(radius=0.1, count=[count, count])
     points = ball.vertices.copy()
     points[:, 2] -= depth * np.clip(points[:, 2] / 0.1, 0.0, 1.0) ** 8
     return points[ball.faces]
 
 
-def test_regions_of_a_dense_mesh_bound_its_dents(monkeypatch):
+def true_distances(points, triangles):
+    """Distances of points to the nearest of all triangles, by trimesh [m]."""
+    corners = np.arange(3 * len(triangles)).reshape(-1, 3)
+    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), corners, process=False)
+    return trimesh.proximity.closest_point_naive(mesh, points)[1]
+
+
+def test_the_dents_of_a_dense_mesh_are_bounded():
     """No tighter than the distances of points of the hull, and no looser than 4 %."""
     triangles = dented(40)
     faces = hull_faces(Hull(points=triangles.reshape(-1, 3)))
-    monkeypatch.setattr("armguard.robot.fitting.exact.DENSE", 0)
-    found = dent_depth(faces, triangles)
+    found = hull_reach(faces, triangles)
     points = quartered(quartered(faces[faces[:, :, 2].max(axis=1) > 0.05]))
     points = np.unique(points.reshape(-1, 3).round(6), axis=0)
-    distances = np.zeros((len(points), 2))
-    pieces = np.repeat(points[:, None], 3, axis=1)
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    bound_pieces(pieces, triangles, low, high, distances)
-    true = float(distances[:, 0].max())
+    points = points[np.argsort(-points[:, 2])[:400]]
+    true = float(true_distances(points, triangles).max())
     assert 0.001 < true <= found <= 1.04 * true + 2e-4
-    assert found == pytest.approx(hull_reach(faces, triangles))
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 5, 63, 200])
+def test_a_tree_has_the_distance_of_the_nearest_triangle(count):
+    rng = np.random.default_rng(count)
+    middle = rng.uniform(-1.0, 1.0, (count, 1, 3))
+    triangles = middle + rng.uniform(-0.1, 0.1, (count, 3, 3))
+    points = rng.uniform(-1.5, 1.5, (50, 3))
+    bounds = np.zeros((len(points), 2))
+    pieces = np.repeat(points[:, None], 3, axis=1)
+    bound_pieces(pieces, *triangle_tree(triangles), bounds)
+    true = true_distances(points, triangles)
+    assert bounds == pytest.approx(np.column_stack([true, true]), abs=1e-12)
+
+
+def test_distinct_points_are_those_of_numpy():
+    rng = np.random.default_rng(0)
+    points = rng.integers(-2, 3, (300, 3)).astype(np.float64)
+    found, first = distinct(points)
+    expected, index = np.unique(points, axis=0, return_index=True)
+    assert (found == expected).all()
+    assert (first == index).all()
 
 
 def test_a_hull_that_sticks_out_is_found_before_the_proof():

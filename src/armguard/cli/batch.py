@@ -17,10 +17,10 @@ from armguard.cli.console import (
     TOO_CLOSE,
     Json,
     RobotOption,
+    loading_bar,
     out,
     print_json,
     progress_bar,
-    say_progress,
 )
 from armguard.errors import SceneError
 from armguard.scene import load_scene
@@ -57,7 +57,9 @@ def batch(
 ) -> None:
     """Check rows of a file. Exit code 0 all clear, 1 some are not, 2 bad input."""
     q = read_rows(rows)
-    checker = Checker(load_scene(scene, robot=robot, progress=say_progress), threads)
+    with loading_bar() as progress:
+        loaded = load_scene(scene, robot=robot, progress=progress)
+    checker = Checker(loaded, threads)
     count = max(len(q) - 1, 0) if motions else len(q)
     answer_part(checker, q[: 1 + motions], motions, margin)  # compiles
     start = perf_counter_ns()

@@ -15,9 +15,9 @@ from armguard.cli.console import (
     Json,
     RobotOption,
     SceneFile,
+    loading_bar,
     out,
     print_json,
-    say_progress,
 )
 from armguard.cli.finding import Finding, Merged, merged, subject
 from armguard.cli.findings import (
@@ -27,6 +27,7 @@ from armguard.cli.findings import (
     scene_findings,
     versions,
 )
+from armguard.cli.fits import fit_findings
 from armguard.cli.plausibility import plausibility_findings
 from armguard.cli.stopping import (
     figure_table,
@@ -69,6 +70,13 @@ def check(
     prove_seconds: Annotated[
         float, Option(min=0.0, help="Time for all proofs together [s].")
     ] = 60.0,
+    closer: Annotated[
+        bool,
+        Option(
+            help="Fit links with more primitives where they reach far beyond their "
+            "meshes, and measure what that brings and what a cycle then takes."
+        ),
+    ] = False,
     verbose: Annotated[
         bool,
         Option("--verbose", "-v", help="Print all lines and tables, PASS included."),
@@ -79,11 +87,12 @@ def check(
     loaded: Scene | None = None
     findings, proposals, audits = [versions()], list[str](), list[RowAudit]()
     try:
-        loaded = load_scene(scene, robot=robot, progress=say_progress)
+        with loading_bar() as progress:
+            loaded = load_scene(scene, robot=robot, progress=progress)
     except ArmguardError as error:
-        findings += file_findings(error, scene.name)
+        findings += file_findings(error, scene)
     else:
-        findings += own_findings(loaded, scene.name, prove)
+        findings += own_findings(loaded, scene.name, prove, closer)
         if prove:
             audits = prove_claims(loaded, prove_seconds)
             findings += claim_findings(audits)
@@ -115,16 +124,20 @@ def proposed_pairs(scene: Scene, samples: int) -> list[str]:
     return [pair.yaml for pair in found]
 
 
-def own_findings(scene: Scene, name: str, proven: bool) -> Iterator[Finding]:
+def own_findings(
+    scene: Scene, name: str, proven: bool, closer: bool
+) -> Iterator[Finding]:
     """Findings of a scene that could be read.
 
     Args:
         scene: The scene.
         name: Name of its file.
         proven: Whether claims about pairs of links are proven as well.
+        closer: Whether closer fits are measured.
     """
     yield loop_finding(scene)
     yield from scene_findings(scene, name, proven)
+    yield from fit_findings(scene, name, closer)
     yield from stopping_findings(scene)
     yield from plausibility_findings(scene)
     yield from guard_findings(scene, name)

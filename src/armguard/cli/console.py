@@ -127,11 +127,6 @@ def say(sentence: str) -> None:
     err.print(sentence, markup=False, style="dim")
 
 
-def say_progress(what: str, number: int, count: int) -> None:
-    """A remark before something that takes a second or more."""
-    say(f"{what}, {number} of {count}" if count > 1 else what)
-
-
 def compile_kernels(guarded: bool = True) -> None:
     """On the first start compile all kernels of a guard, and report the time left.
 
@@ -157,16 +152,45 @@ def plain_table(*titles: str) -> Table:
 @contextmanager
 def progress_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
     """A bar on standard error; call it with the steps made."""
-    columns = (
-        TextColumn("{task.description}"),
+    with bars() as progress:
+        task = progress.add_task(title, total=total)
+        yield lambda steps: progress.update(task, advance=steps)
+
+
+@contextmanager
+def loading_bar() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on standard error; call it before each step of loading a scene.
+
+    With what the step does, its number and their count. Outside a terminal each step is
+    a line.
+    """
+    if not err.is_terminal:
+        yield lambda what, number, count: say(
+            f"{what}, {number} of {count}" if count > 1 else what
+        )
+        return
+    with bars() as progress:
+        task = progress.add_task("", visible=False)
+
+        def show(what: str, number: int, count: int) -> None:
+            progress.update(
+                task, description=what, completed=number - 1, total=count, visible=True
+            )
+
+        yield show
+
+
+def bars() -> Progress:
+    """Bars with their counts and the time left, erased at the end."""
+    return Progress(
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.completed} of {task.total},"),
         TimeRemainingColumn(),
         TextColumn("left"),
+        console=err,
+        transient=True,
     )
-    with Progress(*columns, console=err, transient=True) as progress:
-        task = progress.add_task(title, total=total)
-        yield lambda steps: progress.update(task, advance=steps)
 
 
 def event_line(event: Event, start: float) -> str:

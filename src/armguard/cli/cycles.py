@@ -135,16 +135,8 @@ def timing(
     guard: Guard, cycle: Callable[[Floats, float], Verdict], call: str = ""
 ) -> Finding:
     """How long a cycle takes on this machine, all joints moving."""
-    rng = np.random.default_rng(0)
-    q = guard.home + rng.uniform(-JITTER, JITTER, size=(CYCLES, len(guard.home)))
-    q = np.clip(q, guard.tables.lower, guard.tables.upper)
     period = guard.tables.period
-    times: list[float] = []
-    for k, row in enumerate(q, SETTLED):
-        times.append(cycle(row, k * period).cycle_time)
-        if sum(times) > LONGEST_TIMING:
-            break
-    median, p99 = np.percentile(times, [50, 99]) * 1e6
+    median, p99 = np.percentile(cycle_times(guard, cycle), [50, 99]) * 1e6
     sentence = f"median {median:.1f} µs, p99 {p99:.1f} µs around home{call}"
     if p99 < period * 1e6:
         return Finding("cycle time", "PASS", sentence)
@@ -155,3 +147,17 @@ def timing(
         "use fewer primitives or a quieter machine, or call the guard less often",
         paste=f"cycle: {{period: {2e-6 * p99:.1g}}}",
     )
+
+
+def cycle_times(guard: Guard, cycle: Callable[[Floats, float], Verdict]) -> list[float]:
+    """Times of cycles around home, all joints moving [s]."""
+    rng = np.random.default_rng(0)
+    q = guard.home + rng.uniform(-JITTER, JITTER, size=(CYCLES, len(guard.home)))
+    q = np.clip(q, guard.tables.lower, guard.tables.upper)
+    period = guard.tables.period
+    times: list[float] = []
+    for k, row in enumerate(q, SETTLED):
+        times.append(cycle(row, k * period).cycle_time)
+        if sum(times) > LONGEST_TIMING:
+            break
+    return times

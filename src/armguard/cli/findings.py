@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 from importlib.metadata import version
+from pathlib import Path
 from platform import machine, python_version
-
-import numpy as np
 
 from armguard.cli.console import say
 from armguard.cli.cycles import cycle_findings
@@ -18,21 +17,13 @@ from armguard.cli.home import (
 )
 from armguard.cli.stopping import lacking_figures_finding
 from armguard.errors import ArmguardError, HomeContactError, SelfTestError
-from armguard.geometry.shapes import shape_row
 from armguard.guard import Level, self_test
 from armguard.guard.approach import has_stops
 from armguard.respond import Guard
 from armguard.robot.model import FittedLink, RobotModel
 from armguard.scene.allowed import allowed_pairs
-from armguard.scene.blocks import extent
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.yaml_source import Problem, SceneFileError
-
-# A link may be grown by this share of its thickness [-].
-OVERREACH_SHARE = 0.5
-
-# Most primitives a scene file may give a link.
-MOST_PRIMITIVES = 64
 
 
 def versions() -> Finding:
@@ -42,10 +33,13 @@ def versions() -> Finding:
     return Finding("versions", "PASS", ", ".join([*parts, where]))
 
 
-def file_findings(error: ArmguardError, file: str) -> list[Finding]:
+def file_findings(error: ArmguardError, file: Path) -> list[Finding]:
     """Each problem of a scene file that cannot be loaded."""
+    if not file.exists():
+        remedy = "give the path of a scene, or write one: `armguard init ROBOT ROBOT`"
+        return [Finding("scene", "FAIL", str(error), remedy)]
     if not isinstance(error, SceneFileError):
-        return [Finding("scene", "FAIL", str(error), f"change {file}")]
+        return [Finding("scene", "FAIL", str(error), f"change {file.name}")]
     return [found for problem in error.problems for found in problem_findings(problem)]
 
 
@@ -66,7 +60,7 @@ def exact_overreach(fit: FittedLink) -> float:
 
 
 def scene_findings(scene: Scene, file: str, proves: bool) -> Iterator[Finding]:
-    """The scene's joints, meshes, exact shapes, notes, fits and allowed pairs.
+    """The scene's joints, meshes, exact shapes, notes and allowed pairs.
 
     Args:
         scene: The scene.
@@ -77,13 +71,6 @@ def scene_findings(scene: Scene, file: str, proves: bool) -> Iterator[Finding]:
         yield from robot_findings(robot)
     if not any(robot.model.notes for robot in scene.robots.values()):
         yield Finding("notes", "PASS", "every visible link has collision geometry")
-    wide = [
-        finding
-        for robot in scene.robots.values()
-        for fit in robot.fits.values()
-        for finding in fit_findings(robot, fit)
-    ]
-    yield from wide or [Finding("fit", "PASS", "every link is within its fit target")]
     sources = [rule.source for rule in allowed_pairs(scene)]
     rigid, adjacent, srdf, own = map(
         sources.count, ("rigid", "adjacent", "srdf", "scene")
@@ -100,37 +87,6 @@ def scene_findings(scene: Scene, file: str, proves: bool) -> Iterator[Finding]:
             f"`armguard check {file} --prove`"
         )
         yield Finding("allowed pairs", "WARN", sentence, remedy)
-
-
-def fit_findings(robot: SceneRobot, fit: FittedLink) -> Iterator[Finding]:
-    """A link that is grown beyond its target, or by a large share of its thickness."""
-    grown, target = fit.overreach * 1e3, robot.fit_target * 1e3
-    thick = max(thickness(fit), 1e-6) * 1e3
-    share = grown / thick
-    if round(grown, 1) <= round(target, 1) and share <= OVERREACH_SHARE:
-        return
-    more = min(2 * robot.max_primitives, MOST_PRIMITIVES)
-    paste = f"max_primitives: {more}"
-    if OVERREACH_SHARE * thick < target:
-        paste += f"\nfit_target: {OVERREACH_SHARE * thick * 1e-3:.2g}"
-    yield Finding(
-        "fit",
-        "WARN",
-        f"link {fit.link} overreaches by {grown:.1f} mm, target {target:.1f} mm, "
-        f"thickness {thick:.0f} mm",
-        "accept that the arm stops that much earlier there, or fit closer",
-        ("robots", robot.name),
-        paste,
-    )
-
-
-def thickness(fit: FittedLink) -> float:
-    """Smallest edge of the box around a link's geometry [m]."""
-    shapes = fit.exact or fit.shapes
-    rows = np.array([shape_row(s.shape, s.pose.matrix()) for s in shapes])
-    box = np.zeros(6)
-    extent(np.array([int(s.shape.kind) for s in shapes], dtype=np.int32), rows, box)
-    return float((box[3:] - box[:3]).min())
 
 
 def robot_findings(robot: SceneRobot) -> Iterator[Finding]:

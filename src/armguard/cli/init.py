@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from typer import Option
 
-from armguard.cli.console import out, say_progress
+from armguard.cli.console import loading_bar, out
 from armguard.cli.finding import in_yaml
 from armguard.cli.home import is_free, verified_homes
 from armguard.cli.plausibility import FAST, reaches, same
@@ -235,14 +235,15 @@ def arranged(drafts: list[Draft], period: float) -> Scene:
             reach = max(reaches(scene, compile_scene(scene)).values())
             gap = max(round(reach, 1), 0.1)
             draft.base = Pose(xyz=(gap, 0.0, 0.0), rpy=(0.0, 0.0, round(pi, 4)))
-        scene.add_robot(
-            draft.source if draft.is_named else draft.model,
-            name=draft.name,
-            base=draft.base,
-            stopping=draft.stopping or None,
-            gripper=draft.gripper,
-            progress=say_progress,
-        )
+        with loading_bar() as progress:
+            scene.add_robot(
+                draft.source if draft.is_named else draft.model,
+                name=draft.name,
+                base=draft.base,
+                stopping=draft.stopping or None,
+                gripper=draft.gripper,
+                progress=progress,
+            )
     for (a, b), reason in touching_fingers(scene, compile_scene(scene)).items():
         scene.allow(a, b, reason=reason)
     reach = max(reaches(scene, compile_scene(scene)).values())

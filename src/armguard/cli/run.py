@@ -20,12 +20,12 @@ from armguard.cli.console import (
     SceneFile,
     exit_code,
     json_of,
+    loading_bar,
     out,
     plain_table,
     print_json,
     progress_bar,
     say,
-    say_progress,
     with_options,
 )
 from armguard.guard import EventLog, Level
@@ -100,7 +100,8 @@ def run(options: Options) -> None:
     A motion with times is judged with its recorded speeds, as in the loop. A motion
     without times is judged at rest: only distances count, no stopping distances.
     """
-    loaded = load_scene(options.scene, robot=options.robot, progress=say_progress)
+    with loading_bar() as progress:
+        loaded = load_scene(options.scene, robot=options.robot, progress=progress)
     motion = load_motion(options.trajectory, options.topic or ())
     fill = dict(zip(loaded.q_names, loaded.home.tolist(), strict=True))
     q = motion.for_scene(loaded, fill if options.hold_home else None)

@@ -15,8 +15,8 @@ from armguard.cli.console import (
     Rate,
     SceneName,
     compile_kernels,
+    loading_bar,
     say,
-    say_progress,
     with_options,
 )
 from armguard.service.server import Service, ServiceSettings
@@ -123,15 +123,16 @@ def serve(options: Options) -> None:
     patient = PatientHandler()
     logging.basicConfig(level=logging.INFO, handlers=[patient])
     settings = options.settings()
-    scene, file = open_scene(
-        options.scene,
-        period=settings.period,
-        late=settings.late,
-        stale=settings.stale,
-        mode=options.mode,
-        response=options.response,
-        progress=say_progress,
-    )
+    with loading_bar() as progress:
+        scene, file = open_scene(
+            options.scene,
+            period=settings.period,
+            late=settings.late,
+            stale=settings.stale,
+            mode=options.mode,
+            response=options.response,
+            progress=progress,
+        )
     compile_kernels({robot.mode for robot in scene.robots.values()} != {"fixed"})
     handle_signals(end_now)
     service = Service(scene, settings, file=file)

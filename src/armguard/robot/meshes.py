@@ -22,7 +22,7 @@ MOST_MESH_BYTES = 50_000_000
 # A line that no OBJ needs; cutting a face of many corners into triangles takes minutes.
 LONG_LINE = re.compile(rb"[^\n]{10000}")
 
-# Most triangles of such a file, and of a link: fitting takes 15 s for 100,000.
+# Most triangles of such a file, and of a link: fitting takes 2 s for 80,000.
 MOST_FACES = 300_000
 
 # A corner farther out is an error of units or of the file [m].

@@ -42,6 +42,7 @@ from armguard.scene.schema import LEAST_UNLIKELY, checked
 from armguard.scene.settings import (
     DEFAULT_MODE,
     CycleSettings,
+    FitKeys,
     IndexSettings,
     Mode,
     ObjectKeys,
@@ -361,6 +362,30 @@ class Scene(Contents):
         """
         (robot,) = self._named(name)
         self._change(robot, stopping=figures)
+
+    def set_fit(
+        self,
+        name: str,
+        *,
+        progress: Progress | None = None,
+        **settings: Unpack[FitKeys],
+    ) -> None:
+        """Fit a robot's links with other settings.
+
+        Args:
+            name: Name of the robot.
+            progress: See `load_scene`.
+            **settings: `fit_target` and `max_primitives`, see `RobotSettings`.
+
+        Raises:
+            UnknownNameError: There is no such robot.
+            SceneError: A setting cannot be true.
+            ModelError: A link cannot be fitted.
+        """
+        (robot,) = self._named(name)
+        checked(f"robot '{robot}'", RobotSettings(**settings))
+        changed = replace(self._robots[robot], **settings)
+        self._robots[robot] = self._fitted(changed, progress)
 
     def set_home(self, name: str, home: Mapping[str, float]) -> None:
         """Give a robot another home configuration.

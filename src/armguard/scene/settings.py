@@ -235,15 +235,20 @@ class RobotSettings:
     max_primitives: Annotated[int, Field(ge=1)] = 8
 
 
-class RobotKeys(TypedDict, total=False):
+class FitKeys(TypedDict, total=False):
+    """Settings of a robot's fits as scripts give them, see `RobotSettings`."""
+
+    fit_target: float
+    max_primitives: int
+
+
+class RobotKeys(FitKeys, total=False):
     """Settings of a robot as scripts give them, see `RobotSettings`."""
 
     buffer: float | None
     mode: Mode | None
     response: ResponseName | ResponseSettings | Mapping[str, Any]
     gripper: Gripper | Mapping[str, Any] | None
-    fit_target: float
-    max_primitives: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,7 +93,7 @@ def corners(points: Floats) -> NDArray[np.intp]:
 
     Where the points lie in a plane or a line, the hull is that of their projection.
     """
-    unique, first = np.unique(points, axis=0, return_index=True)
+    unique, first = distinct(points)
     if len(unique) == 1:
         return first[:1]
     centred = unique - unique.mean(axis=0)
@@ -105,6 +105,18 @@ def corners(points: Floats) -> NDArray[np.intp]:
     inside = centred @ axes[:2].T if flat else centred
     # Scaled to a unit extent along each axis: qhull's tolerances are absolute.
     return np.sort(first[hull_indices(inside)])
+
+
+def distinct(points: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Points without repetition, sorted, and the index of the first of each.
+
+    As `np.unique` along an axis has them, several times faster.
+    """
+    order = np.lexsort(points.T[::-1])
+    sorted_ = points[order]
+    new = np.ones(len(points), dtype=np.bool_)
+    new[1:] = (sorted_[1:] != sorted_[:-1]).any(axis=1)
+    return sorted_[new], order[new]
 
 
 def hull_indices(points: Floats) -> Sequence[int] | NDArray[np.intp]:

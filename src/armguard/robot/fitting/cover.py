@@ -13,7 +13,8 @@ from armguard.robot.fitting.enclose import (
     middle_and_half,
     principal_axes,
 )
-from armguard.robot.fitting.overreach import overreaches
+from armguard.robot.fitting.overreach import overreach, overreaches
+from armguard.robot.fitting.triangle_tree import triangle_tree
 
 Floats = NDArray[np.float64]
 
@@ -52,9 +53,10 @@ def cover(
         target: Overreach to stay below [m].
         max_primitives: Primitives to stay below.
     """
+    tree = triangle_tree(triangles)
     pieces = [triangles]
     shapes = [enclose(triangles, target).shape]
-    reach = overreaches(triangles, shapes, COARSE)
+    reach = overreaches(tree, shapes, COARSE)
     settled: set[int] = set()
     while len(shapes) < max_primitives:
         open_pieces = [k for k in range(len(shapes)) if k not in settled]
@@ -64,15 +66,15 @@ def cover(
         for halves in promising_cuts(pieces[worst]):
             trial = [s for k, s in enumerate(shapes) if k != worst]
             trial += [enclose(half, target).shape for half in halves]
-            found = overreaches(triangles, trial, COARSE)
-            if max(found[-2:]) < GAIN * reach[worst]:
+            new, enough = range(len(shapes) - 1, len(trial)), GAIN * reach[worst]
+            if all(overreach(tree, trial, k, COARSE) < enough for k in new):
                 pieces = [p for k, p in enumerate(pieces) if k != worst] + halves
-                shapes, reach = trial, found
+                shapes, reach = trial, overreaches(tree, trial, COARSE)
                 settled = set()
                 break
         else:
             settled.add(worst)
-    return shapes, overreaches(triangles, shapes, FINE)
+    return shapes, overreaches(tree, shapes, FINE)
 
 
 def enclose(triangles: Floats, target: float) -> Enclosure:

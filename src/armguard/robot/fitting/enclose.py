@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armguard.geometry.pose import LOOKS_LIKE_DEGREES, Pose, rotation_from_rpy
 from armguard.geometry.shapes import Box, Capsule, PlacedShape
+from armguard.geometry.shapes.hull import distinct
 from armguard.robot.fitting.hausdorff import (
     directions,
     judge_box,
@@ -52,7 +53,7 @@ def hull_points(points: Floats) -> Floats:
     """The points that span the convex hull; all of them where there is none."""
     from scipy.spatial import ConvexHull, QhullError
 
-    points = np.unique(points, axis=0)
+    points, _ = distinct(points)
     if len(points) < 8:
         return points
     try:

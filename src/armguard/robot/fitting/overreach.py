@@ -10,33 +10,43 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import Box, PlacedShape, shape_row
 from armguard.kernel import kernel
 from armguard.robot.fitting.hausdorff import directions
+from armguard.robot.fitting.triangle_tree import (
+    TriangleTree,
+    box_distance2,
+    leaf_distance2,
+    next_node,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
 def overreaches(
-    triangles: Floats, shapes: Sequence[PlacedShape], spacing: float
+    tree: TriangleTree, shapes: Sequence[PlacedShape], spacing: float
 ) -> list[float]:
-    """Largest distance of each primitive's share of the surface to the triangles [m].
+    """The overreach of each of some primitives [m]; see `overreach`."""
+    return [overreach(tree, shapes, k, spacing) for k in range(len(shapes))]
+
+
+def overreach(
+    tree: TriangleTree, shapes: Sequence[PlacedShape], own: int, spacing: float
+) -> float:
+    """Largest distance of a primitive's share of the surface to the triangles [m].
 
     Sampled, and then made a bound: no point of the surface is farther from a sample
     than the spacing, and a distance grows no faster than one goes.
 
     Args:
-        triangles: Corners of the enclosed surface, shape (n, 3, 3) [m].
+        tree: The enclosed surface.
         shapes: Primitives whose union is the fitted surface.
+        own: Index of the primitive.
         spacing: Largest distance of a surface point to a sample [m].
     """
     rows = np.array([shape_row(s.shape, s.pose.matrix()) for s in shapes])
     kinds = np.array([int(s.shape.kind) for s in shapes], dtype=np.int32)
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    found = []
-    for k, placed in enumerate(shapes):
-        samples = surface_samples(placed, spacing)
-        distance = farthest(k, samples, rows, kinds, triangles, low, high)
-        found.append(float(distance) + spacing if distance > 0.0 else 0.0)
-    return found
+    samples = surface_samples(shapes[own], spacing)
+    distance = float(farthest(own, samples, rows, kinds, *tree))
+    return distance + spacing if distance > 0.0 else 0.0
 
 
 def surface_samples(placed: PlacedShape, spacing: float) -> Floats:
@@ -120,8 +130,7 @@ def farthest(
     rows: Floats,
     kinds: Ints,
     triangles: Floats,
-    low: Floats,
-    high: Floats,
+    boxes: Floats,
 ) -> float:
     """Largest distance to the triangles of the samples no other primitive covers [m].
 
@@ -130,14 +139,13 @@ def farthest(
         samples: Points, shape (k, 3) [m].
         rows: Rows of all primitives, shape (p, 16).
         kinds: Their kinds, shape (p,).
-        triangles: Corners, shape (n, 3, 3) [m].
-        low: Lower corners of the triangles' boxes, shape (n, 3) [m].
-        high: Upper corners, shape (n, 3) [m].
+        triangles: Triangles of a `TriangleTree`, shape (n, 3, 3) [m].
+        boxes: Its boxes, shape (2 · leaves, 6) [m].
     """
     point = np.zeros(16)
     witness = np.zeros(10)
     worst = 0.0
-    last = 0
+    last = boxes.shape[0] // 2
     for s in range(samples.shape[0]):
         x, y, z = samples[s, 0], samples[s, 1], samples[s, 2]
         point[1], point[2], point[3] = x, y, z
@@ -150,62 +158,19 @@ def farthest(
                     break
         if covered:
             continue
-        best2 = triangle_distance2(x, y, z, triangles[last])
-        for t in range(triangles.shape[0]):
-            if best2 <= worst * worst:
+        # The samples are in order: what is near to one is near to the next.
+        best2 = leaf_distance2(x, y, z, last, triangles, boxes)
+        node = 1
+        while best2 > worst * worst:
+            if box_distance2(x, y, z, boxes[node]) < best2:
+                if 2 * node < boxes.shape[0]:
+                    node *= 2
+                    continue
+                square = leaf_distance2(x, y, z, node, triangles, boxes)
+                if square < best2:
+                    best2, last = square, node
+            node = next_node(node)
+            if node == 1:
                 break
-            dx = max(low[t, 0] - x, 0.0, x - high[t, 0])
-            dy = max(low[t, 1] - y, 0.0, y - high[t, 1])
-            dz = max(low[t, 2] - z, 0.0, z - high[t, 2])
-            if dx * dx + dy * dy + dz * dz < best2:
-                d2 = triangle_distance2(x, y, z, triangles[t])
-                if d2 < best2:
-                    best2, last = d2, t
         worst = max(worst, sqrt(best2))
     return worst
-
-
-@kernel
-def triangle_distance2(x: float, y: float, z: float, t: Floats) -> float:
-    """Squared distance of a point to a triangle [m²].
-
-    References:
-        Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
-    """
-    abx, aby, abz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
-    acx, acy, acz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
-    px, py, pz = x - t[0, 0], y - t[0, 1], z - t[0, 2]
-    d1 = abx * px + aby * py + abz * pz
-    d2 = acx * px + acy * py + acz * pz
-    ab2 = abx * abx + aby * aby + abz * abz
-    ac2 = acx * acx + acy * acy + acz * acz
-    abac = abx * acx + aby * acy + abz * acz
-    det = ab2 * ac2 - abac * abac
-    v = ac2 * d1 - abac * d2
-    w = ab2 * d2 - abac * d1
-    if det > 1e-18 * ab2 * ac2 and v >= 0.0 and w >= 0.0 and v + w <= det:
-        v, w = v / det, w / det
-        ex, ey, ez = (
-            px - v * abx - w * acx,
-            py - v * aby - w * acy,
-            pz - v * abz - w * acz,
-        )
-        return float(ex * ex + ey * ey + ez * ez)
-    best = edge_distance2(px, py, pz, abx, aby, abz)
-    best = min(best, edge_distance2(px, py, pz, acx, acy, acz))
-    third = edge_distance2(
-        px - abx, py - aby, pz - abz, acx - abx, acy - aby, acz - abz
-    )
-    return float(min(best, third))
-
-
-@kernel
-def edge_distance2(
-    px: float, py: float, pz: float, ux: float, uy: float, uz: float
-) -> float:
-    """Squared distance of a point to the segment from the origin along u [m²]."""
-    uu = ux * ux + uy * uy + uz * uz
-    t = (px * ux + py * uy + pz * uz) / uu if uu > 0.0 else 0.0
-    t = min(max(t, 0.0), 1.0)
-    x, y, z = px - t * ux, py - t * uy, pz - t * uz
-    return x * x + y * y + z * z

@@ -11,8 +11,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import Hull, ShapeKind, shape_row
+from armguard.geometry.shapes.hull import distinct
 from armguard.kernel import kernel
 from armguard.robot.fitting.overreach import farthest
+from armguard.robot.fitting.triangle_tree import triangle_tree
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +39,7 @@ def growths(triangles: Floats, hulls: Sequence[Hull]) -> list[float]:
         triangles: Corners of the mesh, shape (n, 3, 3) [m].
         hulls: The pieces.
     """
-    points = np.unique(triangles.reshape(-1, 3), axis=0)
+    points, _ = distinct(triangles.reshape(-1, 3))
     rows = np.array([shape_row(hull) for hull in hulls])
     found = np.zeros(len(hulls))
     grow_to(points, rows, found)
@@ -63,11 +65,11 @@ def overreach(
     rows = np.array([shape_row(hull) for hull in hulls])
     rows[:, 0] = np.asarray(grown) + SEAM * size
     kinds = np.full(len(hulls), HULL, dtype=np.int32)
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    tree = triangle_tree(triangles)
     found = []
     for k, (hull, growth) in enumerate(zip(hulls, grown, strict=True)):
         samples = surface_samples(hull.vertices, SPACING * size)
-        far = float(farthest(k, samples, rows, kinds, triangles, low, high))
+        far = float(farthest(k, samples, rows, kinds, *tree))
         found.append(growth + (far + SPACING * size if far > SAME * size else 0.0))
     return found
 

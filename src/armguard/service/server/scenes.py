@@ -19,7 +19,7 @@ from armguard.scene.exact import ExactTables
 from armguard.scene.meshes import Progress
 from armguard.scene.settings import CHOICES, Mode, ResponseName
 from armguard.scene.tables import SceneTables
-from armguard.scene.two_pandas import two_pandas_path, two_pandas_scene
+from armguard.scene.two_pandas import two_pandas_path
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +67,8 @@ def open_scene(
     if what == "bay":
         scene, file = bay_scene("path"), str(bay_path())
     elif what == "two-pandas":
-        scene, file = two_pandas_scene(), str(two_pandas_path())
+        file = str(two_pandas_path())
+        scene = load_scene(file, progress=progress)
     elif Path(what).is_file():
         scene, file = load_scene(what, progress=progress), str(Path(what).resolve())
     else:
