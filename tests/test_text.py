@@ -15,7 +15,7 @@ from armguard.cli.app import app
 from armguard.guard import nuisance
 from armguard.respond.command import Blocked
 from armguard.service.wire import Cause
-from prose import FIRST_PAGES, ROOT, reading_ease, without_code
+from prose import FIRST_PAGES, LINK, ROOT, reading_ease, without_code
 
 SOURCE = ROOT / "src" / "armguard"
 EXAMPLES = sorted((ROOT / "examples").glob("*.md"))
@@ -105,8 +105,11 @@ def pages() -> list[Path]:
 
 
 def text_of(page: Path) -> str:
-    """Text of a page without code; without tables, if a campaign has written it."""
-    text = without_code(page.read_text(encoding="utf-8"))
+    """Text of a page without code and targets of links.
+
+    Without tables as well, if a campaign has written it.
+    """
+    text = LINK.sub(r"\1", without_code(page.read_text(encoding="utf-8")))
     if re.search(r"Written by|writes this page|^# Mutation run", text[:500]):
         text = re.sub(r"^\|.*$", "", text, flags=re.MULTILINE)
     return text
