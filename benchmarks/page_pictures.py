@@ -96,28 +96,27 @@ def main() -> int:
 
 
 def keep_live(pictures: Pictures) -> None:
-    """Keep the states of arms that an operator drives, or a person in the page."""
+    """Keep the states of arms that are driven, by a commander or in the page."""
     page = pictures.page
     with Stage("bay", "--response", "deflect", *OPTIONS) as stage:
         begin(stage)
-        stage.start_operator(seed=8)
         with shown("--port", str(stage.port)) as (view, link):
             open_page(page, link)
             pictures.keep("clear", pictures.level("CLEAR", "CAUTION"))
-            pictures.keep("slow", pictures.level("SLOW"))
-            page.locator("#stop").click(force=True)
-            pictures.keep("person", pictures.level("HELD"))
-            # The first click asks whether to take the command from the operator.
-            for _ in range(2):
-                page.locator("#drive").click(force=True)
-            page.get_by_role("tab", name="Drive").click()
-            pictures.keep("drive")
-            page.get_by_role("button", name="Give it back").click()
-            page.get_by_role("tab", name="Edit").click()
-            page.get_by_role("button", name="Write to the scene file").click()
+            with moving_inward(stage):
+                pictures.keep("slow", pictures.level("SLOW"))
+                page.locator("#stop").click(force=True)
+                pictures.keep("person", pictures.level("HELD"))
+                # The first click asks whether to take the command from its holder.
+                for _ in range(2):
+                    page.locator("#drive").click(force=True)
+                press(page, "tab", "Drive", "Give it back")
+                pictures.keep("drive")
+            press(page, "tab", "Edit", "Write to the scene file")
+            press(page, "button", "Write to the scene file", "Not done")
             pictures.keep("edit")
             os.kill(view.pid, signal.SIGSTOP)
-            pictures.keep("silent", lambda: page.locator("body.grey").count() > 0)
+            pictures.keep("silent", lambda: page.locator(":root.grey").count() > 0)
             os.kill(view.pid, signal.SIGCONT)
 
 
@@ -157,6 +156,13 @@ def open_page(page: Page, link: str) -> None:
     note = page.locator("[class*=Notification] button")
     if note.count():
         note.first.click(force=True)
+    page.mouse.move(0, 0)
+
+
+def press(page: Page, role: str, name: str, then: str) -> None:
+    """Press a tab or a button of the panel, and wait for a text that follows."""
+    page.get_by_role(role, name=name).last.click(force=True)  # type: ignore[arg-type]
+    page.get_by_text(then).last.wait_for()
 
 
 @contextmanager
