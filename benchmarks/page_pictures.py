@@ -1,6 +1,6 @@
 """Pictures of the live view, of a recording and of a report, to be looked at.
 
-python benchmarks/page_pictures.py FOLDER [--only held recording]
+python benchmarks/page_pictures.py FOLDER [--only held person] [--recording FILE]
 
 Service, simulated arms, an operator and the view run as in `make demo`; headless
 Chromium draws the page without a graphics card. Each state is kept in the size of a
@@ -55,8 +55,16 @@ class Pictures:
         """Whether pictures of this name are kept."""
         return not self._only or any(name.startswith(one) for one in self._only)
 
-    def keep(self, name: str, ready: Callable[[], bool] = lambda: True) -> None:
-        """Keep a picture of each size, each once the page is ready."""
+    def keep(
+        self, name: str, ready: Callable[[], bool] = lambda: True, whole: bool = False
+    ) -> None:
+        """Keep a picture of each size, each once the page is ready.
+
+        Args:
+            name: Begin of the files' names.
+            ready: Whether the page is ready.
+            whole: Whether to keep all of the page, not only what the screen shows.
+        """
         if not self.wanted(name):
             return
         for size, (width, height) in SIZES.items():
@@ -65,7 +73,7 @@ class Pictures:
             self.page.wait_for_timeout(3000)
             until(ready, self.page)
             path = self._folder / f"{name}-{size}.png"
-            self.page.screenshot(path=path, timeout=PATIENCE * 1e3)
+            self.page.screenshot(path=path, full_page=whole, timeout=PATIENCE * 1e3)
             print(path, flush=True)
 
     def level(self, *names: str) -> Callable[[], bool]:
@@ -79,6 +87,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--recording", type=Path, help="else that of held arms")
     chosen = parser.parse_args()
     folder: Path = chosen.folder
     folder.mkdir(parents=True, exist_ok=True)
@@ -89,8 +98,12 @@ def main() -> int:
         live = ("clear", "slow", "person", "drive", "edit", "silent")
         if any(map(pictures.wanted, live)):
             keep_live(pictures)
-        if any(map(pictures.wanted, ("held", "recording", "report"))):
-            keep_held(pictures, folder)
+        recording: Path | None = chosen.recording
+        if recording is None:
+            recording = keep_held(pictures, folder / "recordings")
+        elif pictures.wanted("held"):
+            keep_held(pictures, folder / "recordings")
+        keep_recording(pictures, recording, folder / "report.html")
         browser.close()
     return 0
 
@@ -120,25 +133,29 @@ def keep_live(pictures: Pictures) -> None:
             os.kill(view.pid, signal.SIGCONT)
 
 
-def keep_held(pictures: Pictures, folder: Path) -> None:
-    """Keep arms that the guard stopped and holds; their recording and its report."""
-    page, recordings = pictures.page, folder / "recordings"
+def keep_held(pictures: Pictures, recordings: Path) -> Path:
+    """Keep arms that the guard stopped and holds; a recording of them."""
     words = ("--response", "stop", "--record", str(recordings), *OPTIONS)
     with Stage("bay", *words) as stage:
         begin(stage)
         with shown("--port", str(stage.port)) as (_, link), moving_inward(stage):
-            open_page(page, link)
+            open_page(pictures.page, link)
             pictures.keep("held", pictures.level("HELD"))
-    recording = max(recordings.glob("**/*.mcap"), key=lambda path: path.stat().st_mtime)
-    with shown(str(recording)) as (_, link):
-        page.goto(link)
-        page.locator("#timeline").wait_for()
-        pictures.keep("recording")
-    report = folder / "report.html"
-    command = ("-m", "armguard", "report", str(recording), "--out", str(report))
-    subprocess.run([sys.executable, *command], check=True)
-    page.goto(report.absolute().as_uri())
-    pictures.keep("report")
+    return max(recordings.glob("**/*.mcap"), key=lambda path: path.stat().st_mtime)
+
+
+def keep_recording(pictures: Pictures, recording: Path, report: Path) -> None:
+    """Keep a recording at its first stop, and its report."""
+    page = pictures.page
+    if pictures.wanted("recording"):
+        with shown(str(recording)) as (_, link):
+            open_page(page, link)
+            pictures.keep("recording")
+    if pictures.wanted("report"):
+        command = ("-m", "armguard", "report", str(recording), "--out", str(report))
+        subprocess.run([sys.executable, *command], check=True)
+        page.goto(report.absolute().as_uri())
+        pictures.keep("report", whole=True)
 
 
 def begin(stage: Stage) -> None:
@@ -149,9 +166,10 @@ def begin(stage: Stage) -> None:
 
 
 def open_page(page: Page, link: str) -> None:
-    """Open a live page, and close viser's note on the missing graphics card."""
+    """Open a page, and close viser's note on the missing graphics card."""
     page.goto(link)
     page.locator("#light[data-level]").wait_for()
+    page.locator(".uplot[tabindex] canvas").wait_for()
     page.wait_for_timeout(5000)
     note = page.locator("[class*=Notification] button")
     if note.count():

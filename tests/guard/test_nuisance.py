@@ -40,7 +40,7 @@ def test_a_stop_that_a_faster_reaction_would_save_is_latency(guard):
     verdict = moving(guard, gap_of(guard, 1.0, 0.002), 1.0)
     assert verdict.level is Level.STOP
     assert verdict.nuisance.cause is Cause.LATENCY
-    assert "a reaction faster by" in verdict.nuisance.remedy
+    assert "react " in verdict.nuisance.remedy
 
 
 def test_a_stop_that_fresh_data_would_save_is_stale(guard):
@@ -50,7 +50,7 @@ def test_a_stop_that_fresh_data_would_save_is_stale(guard):
     assert verdict.nuisance.cause is Cause.STALE
     # What it says would do, does.
     time = float(verdict.nuisance.remedy.split()[-4]) * 1e-3
-    assert verdict.nuisance.remedy.startswith("data of 'arm' fresher by")
+    assert verdict.nuisance.remedy.startswith("deliver measurements of 'arm' ")
     assert 0.0 < time < 0.017
     assert moving(guard, gap, 1.0, age=0.020 - time).level < Level.STOP
 
@@ -166,8 +166,8 @@ def test_what_is_mended_with_less_is_told_first():
         Cause.LATENCY,
         Cause.TRUE_NEED,
     ]
-    assert told[0].remedy == "data of 'left' fresher by 3.0 ms would do"
-    assert told[2].remedy == "a reaction faster by 6.0 ms would do"
+    assert told[0].remedy == "deliver measurements of 'left' 3.0 ms sooner"
+    assert told[2].remedy == "react 6.0 ms faster: period, late, or delays"
 
 
 def test_a_stop_under_way_is_told_once():

@@ -14,7 +14,7 @@
     return made;
   };
 
-  // ------------------------------------------------------------------- what is seen
+  // ------------------------------------------------------------------- display
   const bar = make("div", "station");
   const light = make("div", "light", bar);
   light.setAttribute("role", "status");
@@ -128,7 +128,7 @@
   };
 
   // ------------------------------------------------------- what does not wait for us
-  // The light, the sounds and the channel have threads of their own, see cues.js; this
+  // The light, the sounds and the channel have separate threads, see cues.js; this
   // one is kept busy by the drawing.
   const cues = new Worker(`cues.js?page=${window.stationPage}`);
   const over = make("canvas", "drawn", bar);
@@ -180,7 +180,7 @@
     sound.blur();
   };
 
-  // ------------------------------------------------------------------- what is said
+  // ------------------------------------------------------------------- messages
   const say = (message) => cues.postMessage({ type: "say", message });
   engage.onclick = () => { say({ type: "engage" }); engage.blur(); };
   stop.onclick = () => { say({ type: "stop" }); stop.blur(); };
