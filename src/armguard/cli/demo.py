@@ -52,7 +52,7 @@ STALE = 0.07
 # Time for which the delay is measured [s].
 MEASURED = 0.5
 
-# Time until the first sentence on the waiting [s]; the time to each further one doubles.
+# Time until the first sentence on the waiting [s]; until each further one, it doubles.
 SAYS = 5.0
 
 

@@ -251,7 +251,7 @@
   }, true);
   window.addEventListener("blur", () => { down.clear(); pulse(); });
 
-  // What is pointed at, or focused by the keyboard, is marked in the picture.
+  // The pair that the pointer or the focus of the keyboard is on is marked in the picture.
   let beneath = null; // what the pointer is over
   let pointed = ""; // what the view was sent
   const pairOf = (part) => {
