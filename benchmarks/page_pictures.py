@@ -17,13 +17,19 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
 
+from armguard.guard.levels import Level
+from armguard.recording import open_recording
+from armguard.recording.frames import Frame, Kind
 from armguard.service.client import Client
 from armguard.service.wire import Role
 from armguard.simulation.stage import Stage
+from armguard.view.view import View
+from armguard.view.world import held_in, levels_of
 from cue_times import CHROMIUM, FLAGS
 
 # Names and sizes of the screens [px].
@@ -52,8 +58,10 @@ class Pictures:
         self.page, self._folder, self._only = page, folder, only
 
     def wanted(self, name: str) -> bool:
-        """Whether pictures of this name are kept."""
-        return not self._only or any(name.startswith(one) for one in self._only)
+        """Whether pictures of this name are kept, or some whose names begin with it."""
+        return not self._only or any(
+            name.startswith(one) or one.startswith(name) for one in self._only
+        )
 
     def keep(
         self, name: str, ready: Callable[[], bool] = lambda: True, whole: bool = False
@@ -103,6 +111,8 @@ def main() -> int:
             recording = keep_held(pictures, folder / "recordings")
         elif pictures.wanted("held"):
             keep_held(pictures, folder / "recordings")
+        if pictures.wanted("still"):
+            keep_still(pictures, recording)
         keep_recording(pictures, recording, folder / "report.html")
         browser.close()
     return 0
@@ -142,6 +152,48 @@ def keep_held(pictures: Pictures, recordings: Path) -> Path:
             open_page(pictures.page, link)
             pictures.keep("held", pictures.level("HELD"))
     return max(recordings.glob("**/*.mcap"), key=lambda path: path.stat().st_mtime)
+
+
+class StillView(View):
+    """The live page on a cycle that stays, so that no busy machine changes it.
+
+    Attributes:
+        frame: The cycle.
+    """
+
+    frame: Frame
+
+    def step(self) -> None:
+        """Draw the cycle as the present one."""
+        may = {"role": "command", "engage": True, "taken": False, "commands": False}
+        self.page.publish("may", may)
+        self.draw(self.frame)
+        self.publish(replace(self.frame, monotonic=time.monotonic()))
+
+
+def keep_still(pictures: Pictures, recording: Path) -> None:
+    """Keep the live page at a recorded cycle of each level, and at one with a hold."""
+    found = open_recording(recording)
+    scene = found.scene()
+    view = StillView(scene, 0, lambda *said: None)
+    cycles: dict[str, Frame] = {}
+    names, robots = ["clear", "caution", "slow", "stop"], len(view.world.names.robots)
+    for frame in found.frames():
+        if frame.kind is Kind.CYCLE and len(frame.poses) and len(frame.verdict):
+            name = Level(levels_of(frame, robots)[0]).name.lower()
+            cycles.setdefault("held" if any(held_in(frame, robots)) else name, frame)
+    view.frame = cycles["clear"]
+    ended = threading.Event()
+    drawing = threading.Thread(target=view.run, args=(ended.is_set,))
+    drawing.start()
+    open_page(pictures.page, view.login.link)
+    for name in (*names, "held"):
+        if name in cycles:
+            view.frame = cycles[name]
+            pictures.keep(f"still-{name}", pictures.level(name.upper()))
+    ended.set()
+    drawing.join()
+    view.close()
 
 
 def keep_recording(pictures: Pictures, recording: Path, report: Path) -> None:

@@ -164,7 +164,7 @@ class Playback:
 
 
 class RecordedView(View):
-    """Shows what was recorded, and never takes it for the present.
+    """Shows a recording, and never takes it for the present.
 
     It opens at the first stop.
 
@@ -173,7 +173,7 @@ class RecordedView(View):
 
     Args:
         scene: The scene it was recorded with.
-        frames: What was recorded, in order.
+        frames: Recorded frames, in order.
         page_port: Port of the page; 0 for any port that is free.
 
     Raises:

@@ -165,7 +165,7 @@ class SignalPlot(Drawable):
         ordered = sorted(SHADED)
         found = np.searchsorted(ordered, levels, side="right") - 1
         shades = [np.where(found == k, high, 0.0) for k in range(len(ordered))]
-        # Far above the plot: uPlot joins what is beside a NaN.
+        # Far above the plot: uPlot joins the points beside a NaN.
         line = np.where(np.isfinite(values), values, 100.0 * high)
         self._plot.data = times - times[-1], *shades, line, np.full(len(times), 0.0)
 

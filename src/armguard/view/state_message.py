@@ -204,7 +204,7 @@ def robot_word(level: Level, action: Action | None, scale: float) -> str:
 
     Args:
         level: Its level.
-        action: Its action; None where no motion was asked for.
+        action: Its action; None where no motion was requested.
         scale: Share of the speed that it may have [-].
     """
     if action is None or (action is Action.FOLLOW and level >= Level.STOP):
