@@ -56,8 +56,10 @@ def problem_findings(problem: Problem) -> list[Finding]:
             lacking_figures_finding(("robots", name), problem.paste)
             for name in problem.robots
         ]
-    place = f"line {problem.line} of " if problem.line else ""
-    return [Finding("scene", "FAIL", str(problem), f"fix {place}{problem.file}")]
+    remedy = f"fix {problem.file}, or give the path of another scene file"
+    if problem.line:
+        remedy = f"fix line {problem.line} of {problem.file}"
+    return [Finding("scene", "FAIL", str(problem), remedy)]
 
 
 def exact_overreach(fit: FittedLink) -> float:
