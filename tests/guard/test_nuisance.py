@@ -33,7 +33,7 @@ def test_a_stop_that_needs_its_distance_is_a_true_need(guard):
     assert verdict.level is Level.STOP
     assert nuisance.cause is Cause.TRUE_NEED
     assert nuisance.deficit == pytest.approx(0.020, abs=1e-6)
-    assert nuisance.sentence.startswith("true need, lacks 20.0 mm: 20.0 mm more")
+    assert nuisance.sentence.startswith("true need, lacks 20.0 mm: keep 20.0 mm more")
 
 
 def test_a_stop_that_a_faster_reaction_would_save_is_latency(guard):
