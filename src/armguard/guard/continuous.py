@@ -58,7 +58,7 @@ class PathCheck:
         what = "breaks its buffer" if at.certain else "is too near to decide"
         return (
             f"between the samples: first at {at.segment} + {at.share:.4f} a pair "
-            f"{what}: {pair.distance_sentence}, must keep {pair.buffer * 1e3:.0f} mm"
+            f"{what}: {pair.why}"
         )
 
     def to_dict(self, names: Sequence[str]) -> dict[str, object]:

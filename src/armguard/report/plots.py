@@ -65,7 +65,7 @@ LEAST_TOP = 20.0
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', sans-serif"
 AXIS = {"showgrid": True, "gridcolor": LINE, "zeroline": False, "automargin": True}
-LEGEND = {"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0}
+LEGEND = {"orientation": "h", "y": 1.1, "yanchor": "bottom", "x": 0}
 LEGEND |= {"traceorder": "normal"}
 
 
