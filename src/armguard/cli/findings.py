@@ -98,8 +98,8 @@ def scene_findings(scene: Scene, file: str, proves: bool) -> Iterator[Finding]:
         yield Finding("allowed pairs", "PASS", sentence)
     else:
         remedy = (
-            f"{srdf + own} claims are unproven, taken as claims; prove them with "
-            f"`armguard check {file} --prove`"
+            f"{srdf + own} claims are unproven and accepted as they are; prove them "
+            f"with `armguard check {file} --prove`"
         )
         yield Finding("allowed pairs", "WARN", sentence, remedy)
 
