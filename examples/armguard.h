@@ -236,7 +236,7 @@ static inline int armguard_open(struct armguard *guard, int port, const char *ke
     return 0;
 }
 
-/* Takes the command if nobody has it. 0, or -1 and a sentence on stderr. */
+/* Takes the command if no other client has it. 0, or -1 and a sentence on stderr. */
 static inline int armguard_claim(struct armguard *guard) {
     struct armguard_claim claim = {0, 0};
     struct armguard_grant grant;
@@ -247,25 +247,25 @@ static inline int armguard_claim(struct armguard *guard) {
         return armguard_failed(guard, "no service answers");
     memcpy(&grant, guard->in + sizeof guard->own, sizeof grant);
     guard->token = grant.token;
-    return grant.granted ? 0 : armguard_failed(guard, "somebody else commands");
+    return grant.granted ? 0 : armguard_failed(guard, "another client has the command");
 }
 
 /* Sends positions of all joints, measured at `stamp` on CLOCK_MONOTONIC [s], velocities, or
  * NULL where they are not known, and desired velocities, or NULL. Receives the command. 1;
  * or 0 if that is not received in time: it is a stop then, velocities zero. */
 static inline int armguard_cycle(struct armguard *guard, const double *q, const double *v,
-                                 const double *wish, double stamp) {
+                                 const double *desired, double stamp) {
     size_t row = 8 * (size_t)guard->joints;
     struct armguard_state state = {(1u << guard->robots) - 1,
-                                   (v ? 1u : 0u) | (wish ? 2u : 0u), stamp};
-    struct armguard_wish desired = {guard->token, 1, guard->joints};
+                                   (v ? 1u : 0u) | (desired ? 2u : 0u), stamp};
+    struct armguard_wish wish = {guard->token, 1, guard->joints};
     uint8_t *to = guard->out + sizeof guard->own, *start = to;
     memcpy(to, &state, sizeof state), to += sizeof state;
     memcpy(to, q, row), to += row;
     if (v) memcpy(to, v, row), to += row;
-    if (wish) {
-        memcpy(to, &desired, sizeof desired), to += sizeof desired;
-        memcpy(to, wish, row), to += row;
+    if (desired) {
+        memcpy(to, &wish, sizeof wish), to += sizeof wish;
+        memcpy(to, desired, row), to += row;
     }
     armguard_say(guard, ARMGUARD_STATE, (size_t)(to - start));
     int64_t until = guard->own.stamp + (int64_t)(ARMGUARD_WATCHDOG * 1e9);

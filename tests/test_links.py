@@ -1,5 +1,6 @@
 """Pages lead where they say; the site builds, and has every public name."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -37,6 +38,28 @@ def test_every_link_leads_somewhere(page):
         assert other.exists(), target
         if anchor:
             assert anchor in anchors(other), f"{target}#{anchor}"
+
+
+def names_in(file: Path) -> tuple[set[str], set[str]]:
+    """Functions that a file defines, and names that it uses."""
+    nodes = [*ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
+    used = {node.id for node in nodes if isinstance(node, ast.Name)}
+    used |= {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    return {node.name for node in nodes if isinstance(node, ast.FunctionDef)}, used
+
+
+@pytest.mark.parametrize("of", ["a joint position", "a message"])
+def test_every_step_of_a_path_is_a_function_that_a_step_above_calls(of):
+    page = ROOT / "docs" / "architecture.md"
+    text = page.read_text(encoding="utf-8").split(f"## The path of {of}\n")[1]
+    steps = re.findall(r"\[`(\w+)`\]\(([^)]+)\)", text.split("\n## ")[0])
+    assert len(steps) > 10
+    above: set[str] = {steps[0][0]}
+    for name, target in steps:
+        defined, used = names_in(page.parent / target)
+        above |= used
+        assert name in defined, f"{name} of {target}"
+        assert name in above, name
 
 
 def test_every_page_can_be_reached_from_the_readme():

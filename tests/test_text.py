@@ -15,7 +15,7 @@ from armguard.cli.app import app
 from armguard.guard import nuisance
 from armguard.respond.command import Blocked
 from armguard.service.wire import Cause
-from prose import FIRST_PAGES, ROOT, reading_ease, without_code
+from prose import FIRST_PAGES, LINK, ROOT, reading_ease, without_code
 
 SOURCE = ROOT / "src" / "armguard"
 EXAMPLES = sorted((ROOT / "examples").glob("*.md"))
@@ -101,12 +101,15 @@ def test_plain_english_passes(text):
 
 def pages() -> list[Path]:
     """Pages that people read."""
-    return [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md")), *EXAMPLES]
+    return [*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *EXAMPLES]
 
 
 def text_of(page: Path) -> str:
-    """Text of a page without code; without tables, if a campaign has written it."""
-    text = without_code(page.read_text(encoding="utf-8"))
+    """Text of a page without code and targets of links.
+
+    Without tables as well, if a campaign has written it.
+    """
+    text = LINK.sub(r"\1", without_code(page.read_text(encoding="utf-8")))
     if re.search(r"Written by|writes this page|^# Mutation run", text[:500]):
         text = re.sub(r"^\|.*$", "", text, flags=re.MULTILINE)
     return text
@@ -195,43 +198,51 @@ def test_errors(path):
     assert not hits("\n".join(said))
 
 
-SPEAKING = ("cli", "view", "report", "simulation", "chaos", "service/server")
-
-
-@pytest.mark.parametrize("path", sources(*SPEAKING), ids=lambda path: path.stem)
-def test_words_of_the_terminal_the_page_and_the_report(path):
+@pytest.mark.parametrize("path", sources("."), ids=lambda path: path.stem)
+def test_words_of_messages_the_page_and_the_report(path):
     tree = without_docstrings(ast.parse(path.read_text(encoding="utf-8")))
     assert not hits("\n".join(text for text in strings(tree) if " " in text))
 
 
+# Comments, and strings with more than one word, of C and JavaScript.
+REMARK = re.compile(r"/\*[\s\S]*?\*/|^\s*//.*$", re.MULTILINE)
+STRING = re.compile(r"\"[^\"\n]* [^\"\n]*\"|`[^`]* [^`]*`")
+
+
 def templates() -> list[Path]:
-    """Files of the page and of the report that hold text."""
+    """Files that hold text beside Python: of the page, the report, scenes, examples."""
     page, report = SOURCE / "view" / "page", SOURCE / "report" / "templates"
-    return sorted([*page.glob("*.js"), *report.glob("*.j2")])
+    examples = ROOT / "examples"
+    return sorted(
+        [
+            *(*page.glob("*.js"), *page.glob("*.css"), *report.glob("*.j2")),
+            *(*examples.glob("*.h"), *examples.glob("*.c"), *examples.glob("*.yaml")),
+            *(SOURCE / "scene").rglob("*.yaml"),
+        ]
+    )
 
 
 @pytest.mark.parametrize("path", templates(), ids=lambda path: path.name)
 def test_templates(path):
     text = path.read_text(encoding="utf-8")
-    if path.suffix == ".js":
-        text = re.sub(r"^\s*//.*$", "", text, flags=re.MULTILINE)
-        text = "\n".join(re.findall(r"\"[^\"\n]* [^\"\n]*\"|`[^`]* [^`]*`", text))
-    else:
+    if path.suffix in (".js", ".h", ".c"):
+        text = "\n".join([*REMARK.findall(text), *STRING.findall(text)])
+    elif path.suffix == ".j2":
         text = re.sub(r"\{[{%#].*?[}%#]\}|<[^>]*>", " ", text, flags=re.DOTALL)
     assert not hits(text)
 
 
-def first_paragraphs(name: str) -> Iterator[str]:
-    """First paragraphs of the docstrings of a public name and of its members."""
+def docstrings(name: str) -> Iterator[str]:
+    """Docstrings of a public name and of its members."""
     one = getattr(ag, name)
     if isinstance(one, dict):
         return
     members = [m for n, m in inspect.getmembers(one) if not n.startswith("_")]
     for member in (one, *(members if inspect.isclass(one) else ())):
         if inspect.isclass(member) or callable(member) or isinstance(member, property):
-            yield (inspect.getdoc(member) or "").split("\n\n")[0]
+            yield inspect.getdoc(member) or ""
 
 
 @pytest.mark.parametrize("name", ag.__all__)
 def test_public_docstrings(name):
-    assert not hits("\n".join(first_paragraphs(name)))
+    assert not hits("\n".join(docstrings(name)))

@@ -193,7 +193,7 @@ def test_check_proves_claims_or_tells_that_it_did_not(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text("mode: fixed\nrobots: {arm: {urdf: r.urdf, srdf: r.srdf}}\n")
     words = " ".join(run("check", str(path)).stdout.split())
-    remedy = "2 claims are unproven, taken as claims; prove them with "
+    remedy = "2 claims are unproven and accepted as they are; prove them with "
     assert remedy + "`armguard check s.yaml --prove`" in words
     result = run("check", str(path), "--prove", "--prove-seconds", "300")
     words = " ".join(result.stdout.split())

@@ -33,14 +33,14 @@ def test_a_stop_that_needs_its_distance_is_a_true_need(guard):
     assert verdict.level is Level.STOP
     assert nuisance.cause is Cause.TRUE_NEED
     assert nuisance.deficit == pytest.approx(0.020, abs=1e-6)
-    assert nuisance.sentence.startswith("true need, lacks 20.0 mm: 20.0 mm more")
+    assert nuisance.sentence.startswith("true need, lacks 20.0 mm: keep 20.0 mm more")
 
 
 def test_a_stop_that_a_faster_reaction_would_save_is_latency(guard):
     verdict = moving(guard, gap_of(guard, 1.0, 0.002), 1.0)
     assert verdict.level is Level.STOP
     assert verdict.nuisance.cause is Cause.LATENCY
-    assert "a reaction faster by" in verdict.nuisance.remedy
+    assert "react " in verdict.nuisance.remedy
 
 
 def test_a_stop_that_fresh_data_would_save_is_stale(guard):
@@ -48,9 +48,9 @@ def test_a_stop_that_fresh_data_would_save_is_stale(guard):
     verdict = moving(guard, gap, 1.0, age=0.020)
     assert verdict.level is Level.STOP
     assert verdict.nuisance.cause is Cause.STALE
-    # What it says would do, does.
-    time = float(verdict.nuisance.remedy.split()[-4]) * 1e-3
-    assert verdict.nuisance.remedy.startswith("data of 'arm' fresher by")
+    # The remedy suffices.
+    time = float(verdict.nuisance.remedy.split()[-3]) * 1e-3
+    assert verdict.nuisance.remedy.startswith("deliver measurements of 'arm' ")
     assert 0.0 < time < 0.017
     assert moving(guard, gap, 1.0, age=0.020 - time).level < Level.STOP
 
@@ -132,7 +132,7 @@ def test_a_hull_that_closes_a_channel_is_envelope(mode):
     assert verdict.nearest.model_error == pytest.approx(DEPTH / 2, rel=0.6)
     assert verdict.level >= Level.STOP
     assert verdict.nuisance.cause is Cause.ENVELOPE
-    assert "the real surfaces may be" in verdict.nuisance.remedy
+    assert "their surfaces may be" in verdict.nuisance.remedy
 
 
 def channel():
@@ -166,8 +166,8 @@ def test_what_is_mended_with_less_is_told_first():
         Cause.LATENCY,
         Cause.TRUE_NEED,
     ]
-    assert told[0].remedy == "data of 'left' fresher by 3.0 ms would do"
-    assert told[2].remedy == "a reaction faster by 6.0 ms would do"
+    assert told[0].remedy == "deliver measurements of 'left' 3.0 ms sooner"
+    assert told[2].remedy == "react 6.0 ms faster: period, late, or delays"
 
 
 def test_a_stop_under_way_is_told_once():

@@ -141,7 +141,7 @@ def test_what_cannot_be_placed_is_refused():
     with pytest.raises(PoseError, match="no rigid transform"):
         guard.place("ball", np.diag([2.0, 1.0, 1.0, 1.0]))
     scene = workshop()
-    with pytest.raises(SceneError, match="only what stands still can come later"):
+    with pytest.raises(SceneError, match="only a stationary object can be added later"):
         scene.add(
             Sphere(radius=0.1), name="tool", attached_to="arm/link1", present=False
         )

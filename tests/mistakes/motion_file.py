@@ -84,7 +84,7 @@ MOTION_FILE = {
         table(ROW, header=HEADER.replace("a/lift", "a/lfit")),
     ),
     "another robot": Mistake(
-        *("no robot is 'c'", "joint 'c/turn'", "known names are 'a', 'b'"),
+        *("no robot is named 'c'", "joint 'c/turn'", "known names are 'a', 'b'"),
         table(ROW, header=HEADER.replace("a/", "c/")),
     ),
     "a joint of either robot": Mistake(

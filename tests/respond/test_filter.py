@@ -1,5 +1,8 @@
 """What robots are told: what is wanted, or something near it, or a stop."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -22,6 +25,12 @@ def gap(q):
 
 def test_every_response_a_scene_may_name_is_in_the_table():
     assert set(RESPONSES) == set(CHOICES["kind"])
+
+
+def test_the_page_of_the_filter_has_every_response():
+    page = Path(__file__).parents[2].joinpath("docs/filter.md").read_text("utf-8")
+    rows = re.findall(r"^\| `([a-z]+)` \| ", page, flags=re.MULTILINE)
+    assert set(RESPONSES) <= set(rows)
 
 
 def test_in_clear_space_what_is_wanted_is_told_bit_for_bit():

@@ -655,7 +655,7 @@ def test_grasping_twice_or_releasing_what_is_not_held_is_refused():
     loop = Loop(guard)
     with pytest.raises(GraspError, match="before the first cycle"):
         guard.grasp("arm", "block")
-    with pytest.raises(GraspError, match="nobody does"):
+    with pytest.raises(GraspError, match="no robot does"):
         guard.release("arm", "block")
     closed_on(loop)
     with pytest.raises(GraspError, match="already"):

@@ -26,7 +26,7 @@ def test_orders_take_effect_after_their_delay_and_not_before():
 def test_what_was_told_before_now_is_obeyed_from_now_on():
     plant = Plant(SCENE, imperfection=PERFECT)
     plant.advance(0.5)
-    plant.tell(WISH, {}, at=0.1)
+    plant.send(WISH, {}, at=0.1)
     plant.advance(0.001)
     assert plant.v == pytest.approx(0.008)
 
@@ -43,7 +43,7 @@ def test_the_brake_comes_after_its_own_delay():
     figures = SCENE.robots["left"].stopping
     plant = Plant(SCENE, imperfection=PERFECT)
     plant.advance(0.2, np.full(14, 0.5))
-    plant.tell(np.zeros(14), dict.fromkeys(SCENE.robots, Action.BRAKE))
+    plant.send(np.zeros(14), dict.fromkeys(SCENE.robots, Action.BRAKE))
     plant.advance(figures.brake_delay)
     slowed = plant.v.copy()
     plant.advance(0.001)

@@ -18,17 +18,17 @@ TOP = np.concatenate([part.stopping.velocity for part in TABLES.robots])
 def test_a_wish_is_a_function_of_seed_time_and_place():
     one, other = TeleDriver(TABLES, seed=2), TeleDriver(TABLES, seed=2)
     times = np.random.default_rng(0).uniform(0.0, 1e4, 200)
-    there = [one.wish(t, TABLES.home) for t in times]
-    back = [other.wish(t, TABLES.home) for t in times[::-1]][::-1]
+    there = [one.desired(t, TABLES.home) for t in times]
+    back = [other.desired(t, TABLES.home) for t in times[::-1]][::-1]
     assert (np.array(there) == np.array(back)).all()
-    assert (TeleDriver(TABLES, seed=3).wish(1.0, TABLES.home) != there[0]).any()
+    assert (TeleDriver(TABLES, seed=3).desired(1.0, TABLES.home) != there[0]).any()
 
 
 def test_wishes_are_smooth_and_no_faster_than_the_arms():
     driver, dt = TeleDriver(TABLES, seed=2), 0.004
     q, last = TABLES.home, np.zeros(14)
     for k in range(int(10 * LEG / dt)):
-        wish = driver.wish(k * dt, q)
+        wish = driver.desired(k * dt, q)
         assert (np.abs(wish) <= 0.8 * TOP + 1e-12).all()
         assert (np.abs(wish - last) <= 10.0 * TOP * dt).all()
         q, last = q + wish * dt, wish
@@ -38,7 +38,7 @@ def test_wishes_are_smooth_and_no_faster_than_the_arms():
 def test_between_two_legs_nothing_is_asked_for():
     driver = TeleDriver(TABLES, seed=5)
     for k in range(50):
-        assert not driver.wish((k + 1) * LEG - 0.01, TABLES.home).any()
+        assert not driver.desired((k + 1) * LEG - 0.01, TABLES.home).any()
 
 
 def test_after_a_stop_he_lets_go_waits_engages_and_goes_elsewhere():

@@ -52,7 +52,7 @@ STALE = 0.07
 # Time for which the delay is measured [s].
 MEASURED = 0.5
 
-# Time from one sentence on the waiting to the next [s].
+# Time until the first sentence on the waiting [s]; until each further one, it doubles.
 SAYS = 5.0
 
 
@@ -140,15 +140,18 @@ def waiting(ended: threading.Event) -> Callable[[float], None]:
     Args:
         ended: Set at an interrupt.
     """
-    last = 0.0
+    due = SAYS
 
     def wait(so_far: float) -> None:
-        nonlocal last
+        nonlocal due
         if ended.is_set():
             raise typer.Exit(CLEAR)
-        if so_far - last >= SAYS:
-            last = so_far
-            say(f"the service is starting, {so_far:.0f} s so far")
+        if so_far >= due:
+            due *= 2.0
+            say(
+                f"the service is starting, {so_far:.0f} s so far; "
+                "a first start compiles its kernels"
+            )
 
     return wait
 

@@ -50,8 +50,10 @@ def problem_findings(problem: Problem) -> list[Finding]:
             lacking_figures_finding(("robots", name), problem.paste)
             for name in problem.robots
         ]
-    place = f"line {problem.line} of " if problem.line else ""
-    return [Finding("scene", "FAIL", str(problem), f"fix {place}{problem.file}")]
+    remedy = f"fix {problem.file}, or give the path of another scene file"
+    if problem.line:
+        remedy = f"fix line {problem.line} of {problem.file}"
+    return [Finding("scene", "FAIL", str(problem), remedy)]
 
 
 def exact_overreach(fit: FittedLink) -> float:
@@ -83,8 +85,8 @@ def scene_findings(scene: Scene, file: str, proves: bool) -> Iterator[Finding]:
         yield Finding("allowed pairs", "PASS", sentence)
     else:
         remedy = (
-            f"{srdf + own} claims are unproven, taken as claims; prove them with "
-            f"`armguard check {file} --prove`"
+            f"{srdf + own} claims are unproven and accepted as they are; prove them "
+            f"with `armguard check {file} --prove`"
         )
         yield Finding("allowed pairs", "WARN", sentence, remedy)
 

@@ -19,6 +19,7 @@ from armguard.cli.console import (
     say,
     with_options,
 )
+from armguard.scene.settings import CHOICES
 from armguard.service.server import Service, ServiceSettings
 from armguard.service.server.scenes import open_scene
 from armguard.service.server.throttled_log import PatientHandler
@@ -57,7 +58,8 @@ class Options:
         str | None, Option(help="Computation of required distances: path or speed.")
     ] = None
     response: Annotated[
-        str | None, Option(help="Response of the robots: stop, slow, deflect or field.")
+        str | None,
+        Option(help=f"Response of the robots: {', '.join(CHOICES['kind'])}."),
     ] = None
     ring: Annotated[
         Path | None, Option(help="File of the ring; in memory if left out.")

@@ -55,10 +55,10 @@ class PathCheck:
         if self.breach is None:
             return "between the samples: every pair keeps its buffer, proven"
         at, pair = self.breach, self.breach.pair
-        what = "breaks its buffer" if at.certain else "is too near to tell"
+        what = "breaks its buffer" if at.certain else "is too near to decide"
         return (
             f"between the samples: first at {at.segment} + {at.share:.4f} a pair "
-            f"{what}: {pair.distance_sentence}, must keep {pair.buffer * 1e3:.0f} mm"
+            f"{what}: {pair.why}"
         )
 
     def to_dict(self, names: Sequence[str]) -> dict[str, object]:

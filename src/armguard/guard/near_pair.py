@@ -102,7 +102,10 @@ class NearPair:
     @property
     def distance_sentence(self) -> str:
         """Bodies and distance of the pair in words, in millimetres."""
-        return self._apart(self._digits)
+        if self.headroom < 0.0:
+            # The distance to keep follows, and differs.
+            return self._apart(self._digits)
+        return self._apart(int(abs(self.distance) < 5e-4))
 
     @property
     def demand(self) -> str:

@@ -16,7 +16,7 @@ first of this order is named, since it needs the smallest remedy:
 7. `TRUE_NEED`: none of these.
 
 Travel grows at least in proportion to time, so the share of a time is at most the
-share of the travel: "fresher by 3 ms would do" is not said too early.
+share of the travel: "3 ms sooner" is not said too early.
 """
 
 from collections.abc import Sequence
@@ -44,9 +44,9 @@ class Cause(Enum):
 
 # Remedies that would have avoided an ordered stop; the other ones have none.
 REMEDIES = {
-    Reason.RESTARTED: "a service that does not crash would do",
-    Reason.DEADLINE_MISSED: "a less busy computer or a larger --late would do",
-    Reason.SERVICE_FAULT: "a service without the fault in its log would do",
+    Reason.RESTARTED: "find out from its log why the service was killed",
+    Reason.DEADLINE_MISSED: "use a less busy computer, or declare a larger --late",
+    Reason.SERVICE_FAULT: "remove the fault that the service's log names",
 }
 
 # Reasons that name the guard's own limits.
@@ -136,16 +136,18 @@ def classify(level: Level, reason: Reason, lack: Lack | None) -> Nuisance | None
         return Nuisance(Cause.ORDERED, None, REMEDIES.get(reason, ""))
     if reason is Reason.CYCLE_LATE:
         return Nuisance(
-            Cause.DATA, None, "cycles within the declared period and late would do"
+            Cause.DATA, None, "run cycles within the declared period and late"
         )
     if reason is Reason.STATE_STALE:
-        return Nuisance(Cause.STALE, None, "data within its greatest age would do")
-    if reason in LIMITING:
         return Nuisance(
-            Cause.LIMITS, deficit, "a larger budget of the guard may let it pass"
+            Cause.STALE, None, "deliver measurements within their greatest age"
         )
+    if reason in LIMITING:
+        return Nuisance(Cause.LIMITS, deficit, "give the guard a larger budget")
     if reason >= Reason.NOT_FINITE:
-        return Nuisance(Cause.DATA, None, "input that can be believed would do")
+        return Nuisance(
+            Cause.DATA, None, "fix the input (NaN, missing, stale or jumping)"
+        )
     if lack is None:
         return unannounced(reason)
     return by_length(lack)
@@ -156,9 +158,9 @@ def unannounced(reason: Reason) -> Nuisance | None:
     if reason in (Reason.STOPPING, Reason.RESTING, Reason.UNPROVEN):
         return None
     if reason is Reason.MOVED_AT_REST:
-        return Nuisance(Cause.DATA, None, "an arm that waits to be let go would do")
+        return Nuisance(Cause.DATA, None, "keep the arm at rest until it is engaged")
     return Nuisance(
-        Cause.TRUE_NEED, None, "the pair is beyond the margin; a larger one tells it"
+        Cause.TRUE_NEED, None, "raise the margin, so that the pair is reported"
     )
 
 
@@ -174,14 +176,14 @@ def by_length(lack: Lack) -> Nuisance:
         return Nuisance(
             Cause.STALE,
             deficit,
-            f"data{whose} fresher by {milliseconds(time)} would do",
+            f"deliver measurements{whose} {milliseconds(time)} sooner",
         )
     if deficit <= lack.envelope:
         return Nuisance(
             Cause.ENVELOPE,
             deficit,
-            f"the real surfaces may be {lack.envelope * 1e3:.1f} mm farther apart than "
-            f"what was measured; a fit closer by {deficit * 1e3:.1f} mm would do",
+            f"fit the links {deficit * 1e3:.1f} mm more closely: their surfaces may be "
+            f"{lack.envelope * 1e3:.1f} mm farther apart than measured",
         )
     reaction = sum(side.way for side in delays)
     if deficit <= reaction:
@@ -189,12 +191,12 @@ def by_length(lack: Lack) -> Nuisance:
         return Nuisance(
             Cause.LATENCY,
             deficit,
-            f"a reaction faster by {milliseconds(time)} would do",
+            f"react {milliseconds(time)} faster: period, late, or delays",
         )
     return Nuisance(
         Cause.TRUE_NEED,
         deficit,
-        f"{deficit * 1e3:.1f} mm more distance, or less speed, would do",
+        f"keep {deficit * 1e3:.1f} mm more distance, or move more slowly",
     )
 
 

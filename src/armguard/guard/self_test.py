@@ -54,7 +54,7 @@ class SelfTestReport:
     lines: tuple[SelfTestLine, ...]
 
 
-NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "nobody asked for it"),))
+NOT_TESTED = SelfTestReport((SelfTestLine("SKIP", "not requested"),))
 
 
 def check_home(verdict: Verdict, scene: Scene) -> None:

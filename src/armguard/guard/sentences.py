@@ -150,7 +150,10 @@ def pair_demand(doing: str, reason: Reason, pair: NearPair) -> str:
     if reason is Reason.UNPROVEN:
         return "leaving, nothing is proven"
     if reason is Reason.SHORT_TIME and isfinite(pair.time_left):
-        return f"{doing}, stop needed in {pair.time_left * 1e3:.0f} ms"
+        milliseconds = round(pair.time_left * 1e3)
+        if milliseconds == 0:
+            return f"{doing}, no headroom left"
+        return f"{doing}, stop needed in {milliseconds} ms"
     return f"{doing}, {DECIDING.get(reason, pair.demand)}"
 
 

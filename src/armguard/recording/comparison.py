@@ -40,7 +40,7 @@ CAVEAT = (
     "The recorded motion does not obey the other settings: each cycle is judged in the "
     "situation that was recorded, as if they had held in that cycle only. Up to the "
     "first difference this is what would have happened; what the arms would have done "
-    "after it nobody knows."
+    "after it is not known."
 )
 
 

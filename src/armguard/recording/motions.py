@@ -265,7 +265,7 @@ def unreadable(path: Path, error: Exception) -> TrajectoryError:
     kind = type(error).__name__
     text = str(error) if kind.startswith(("AnyReader", "Reader")) else ""
     text = text or f"{kind}: {error}"
-    hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may mend it"
+    hint = "; `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may repair it"
     if "Profile" in text:
         text, hint = "it was not written by ROS 2", "; convert it with `ros2 bag`"
     return TrajectoryError(

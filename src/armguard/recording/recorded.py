@@ -296,7 +296,7 @@ def as_number(value: object) -> float:
 
 
 def wrong_input(given: Mapping[str, Any], robots: Sequence[str], joints: int) -> str:
-    """Which input a cycle could not read; empty if it was what was asked for.
+    """Name of the input that a cycle could not read; empty if it read all of them.
 
     In the order in which a guard reads them: the first one is what it stopped at.
     """
@@ -308,7 +308,7 @@ def wrong_input(given: Mapping[str, Any], robots: Sequence[str], joints: int) ->
     if not all(value is None or is_number(value) for value in stamps):
         return "stamp"
     if not known:
-        return "stamp of nobody"
+        return "stamp of no robot"
     if velocity is not None and not is_row(velocity, joints):
         return "velocity"
     return "" if is_row(given["q"], joints) else "q"

@@ -228,7 +228,7 @@ class Recorder:
             self._main.give_up()
             self._main = None
             why = self.disk.problem or "the disk was too slow"
-            self.note(f"what was before is missing: {why}")
+            self.note(f"earlier frames are missing: {why}")
         if self._apart is not None and self._apart.file.given_up:
             self._apart.give_up()
             self._apart = None

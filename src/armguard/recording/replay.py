@@ -256,7 +256,7 @@ def inputs(guard: Guard, frame: Frame) -> dict[str, Any]:
         "now": frame.now,
     }
     wrong = frame.text.get("wrong", "")
-    if wrong == "stamp of nobody":
+    if wrong == "stamp of no robot":
         given["stamp"] = {**dict(zip(robots, frame.stamps, strict=True)), "": 0.0}
     elif wrong:
         given[wrong] = UNREADABLE

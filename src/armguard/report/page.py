@@ -52,7 +52,7 @@ MOST_DRAWN = 60
 CONTRACTS = ("grasp", "release", "allow")
 
 # Entries of the metadata that have another place on the page.
-SHOWN = ("names", "robots", "bodies", "note", "period", "archive")
+SHOWN = ("names", "robots", "bodies", "note", "period", "late", "began", "archive")
 
 # Letters of a call's arguments.
 MOST_LETTERS = 160
@@ -193,8 +193,9 @@ def advice(findings: Findings) -> str:
     for cause in findings.causes:
         if cause.cause is not None and cause.stops and cause.remedy:
             return (
-                f"Most stops ({cause.stops} of {len(findings.stops)}) were made by "
-                f"{cause.cause.value}. For the one that lacked most, {cause.remedy}."
+                f"Most stops ({cause.stops} of {len(findings.stops)}) have the cause "
+                f"“{cause.cause.value}”. To avoid the one that lacked most: "
+                f"{cause.remedy}."
             )
     return ""
 

@@ -65,7 +65,8 @@ LEAST_TOP = 20.0
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', sans-serif"
 AXIS = {"showgrid": True, "gridcolor": LINE, "zeroline": False, "automargin": True}
-LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+LEGEND = {"orientation": "h", "y": 1.1, "yanchor": "bottom", "x": 0}
+LEGEND |= {"traceorder": "normal"}
 
 
 def plots(findings: Findings, drawn: Sequence[NearMiss]) -> dict[str, go.Figure]:
@@ -79,7 +80,7 @@ def plots(findings: Findings, drawn: Sequence[NearMiss]) -> dict[str, go.Figure]
     if unit_of(findings.series.duration)[1] > 1.0:
         found["plot-history"] = levels_over_time(findings.series)
     found["plot-timeline"] = time_line(findings)
-    found["plot-headroom"] = headroom_histogram(findings.series)
+    found["plot-time-left"], found["plot-headroom"] = left_histograms(findings.series)
     found["plot-times"] = time_histogram(findings)
     for k, miss in enumerate(drawn, start=1):
         found[f"plot-near-{k}"] = near_miss(findings.series, miss)
@@ -288,24 +289,24 @@ def near_miss(series: Series, miss: NearMiss) -> go.Figure:
     return styled(figure, 200, margin=margin, **look)
 
 
-def headroom_histogram(series: Series) -> go.Figure:
-    """Time spent at each time left and at each headroom."""
-    figure = make_subplots(cols=2, horizontal_spacing=0.1)
-    for col, values, most, least, title, colour in (
-        (1, series.time_left, LOOKED * 1e3, 0.0, "time until a stop [ms]", GREEN),
-        (2, series.headroom, FARTHEST, -20.0, "headroom [mm]", BLUE),
+def left_histograms(series: Series) -> tuple[go.Figure, go.Figure]:
+    """Time spent at each time left, and at each headroom."""
+    figures = go.Figure(), go.Figure()
+    for figure, values, most, least, title, colour in (
+        (figures[0], series.time_left, LOOKED * 1e3, 0.0, "time to a stop [ms]", GREEN),
+        (figures[1], series.headroom, FARTHEST, -20.0, "headroom [mm]", BLUE),
     ):
         known = values * 1e3 < most
         number, weights = np.maximum(values[known] * 1e3, least), series.held[known]
         held, edges = np.histogram(number, 50, (least, most), weights=weights)
         times = [duration(time) for time in held.tolist()]
         hover = "%{x:.0f}: for %{hovertext}"
-        bar = bars(middles(edges), held, colour, hover, hovertext=times)
-        figure.add_trace(bar, 1, col)
-        figure.update_xaxes(title_text=title, col=col)
-    figure.update_yaxes(title_text="for how long [s]")
-    figure.add_vline(x=0.0, row=1, col=2, line={"color": VERMILLION, "dash": "dash"})
-    return styled(figure, 300, showlegend=False, bargap=0.0)
+        figure.add_trace(bars(middles(edges), held, colour, hover, hovertext=times))
+        figure.update_xaxes(title_text=title)
+        figure.update_yaxes(title_text="duration [s]")
+        styled(figure, 300, showlegend=False, bargap=0.0)
+    figures[1].add_vline(x=0.0, line={"color": VERMILLION, "dash": "dash"})
+    return figures
 
 
 def time_histogram(findings: Findings) -> go.Figure:

@@ -31,7 +31,7 @@ class Block:
         kinds: ShapeKind of each, shape (k,).
         rows: Rows, in the frame of the body or the world, or in that of `T`,
             shape (k, 16).
-        model_errors: How far each may reach beyond what it stands for, shape (k,) [m].
+        model_errors: How far each may reach beyond its surface, shape (k,) [m].
         first: Number of the first of them among their owner's primitives.
         alone: Whether their owner has no more than this one primitive.
         T: Frame the rows of a surface have still to be placed by, shape (4, 4).

@@ -50,7 +50,7 @@ def load_scene(
     Args:
         path: Own YAML (docs/scene-file.md), or a MoveIt planning scene as it is.
         robot: URDF for a MoveIt scene, which only names its robot.
-        progress: Called with what is done, its number and their count, before
+        progress: Called with the step, its number and their count, before
             anything that takes long.
 
     Raises:

@@ -267,7 +267,7 @@ class ShapeKeys:
         Args:
             pose: The pose.
             place: Where meshes may be.
-            progress: Called with what is done, its number and their count.
+            progress: Called with the step, its number and their count.
 
         Raises:
             ShapeError: A shape cannot be what the file says.

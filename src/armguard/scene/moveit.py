@@ -67,7 +67,7 @@ def build_moveit_scene(
     Args:
         source: The file.
         robot: The URDF; by default the robot of the model's name.
-        progress: Called with what is done, its number and their count, before
+        progress: Called with the step, its number and their count, before
             anything that takes long.
 
     Raises:

@@ -174,8 +174,8 @@ def contradiction(item: SceneObject) -> str | None:
         return riding_surface(link)
     if link is not None and not item.present:
         return (
-            f"rides on '{link}' and is not present; only what stands still can come "
-            "later"
+            f"rides on '{link}' and is not present; only a stationary object "
+            "can be added later"
         )
     if link is not None and moves:
         return (

@@ -74,7 +74,7 @@ class Scene(Contents):
         period: Time from one cycle to the next [s].
         late: How much later than that a cycle may come [s].
         buffer: Distance every pair must keep beyond the modelled surfaces, in "path"
-            and "speed" beside what the figures ask for [m]. By default 5 mm for robots
+            and "speed" beside the need by the figures [m]. By default 5 mm for robots
             of these modes, the paper's 1.2 in for those of "fixed".
         margin: Signed distance up to which pairs are reported [m]; by default 20 mm
             more than the largest buffer.
@@ -171,7 +171,7 @@ class Scene(Contents):
                 scene file, such as `{"deceleration": 5.0, "delays": {"command":
                 0.008}}`. Figures of a robot by name that are not given are its own.
             home: Home positions by joint name; see `home_configuration` for the rest.
-            progress: Called with what is done, its number and their count, while links
+            progress: Called with the step, its number and their count, while links
                 are fitted.
             settings: How it is guarded, see `RobotSettings`. `response` may be one
                 word, its kind, or a mapping as in a scene file.
@@ -263,7 +263,7 @@ class Scene(Contents):
             scale: Factor from the mesh's numbers to metres, or one for each axis [-].
             rounding: Growth outwards on all sides [m].
             max_triangles: More than this many are refused.
-            progress: Called with what is done, its number and their count, if it
+            progress: Called with the step, its number and their count, if it
                 takes long.
             settings: See `add`.
 

@@ -86,7 +86,7 @@ class SceneTables:
         checkable_pairs: Pairs of primitives that are checked at all.
         body_names: 'robot/link' or object of each primitive, length p.
         labels: Name of each primitive: the body's, with a number if it has several.
-        model_errors: How far a primitive may reach beyond what it stands for,
+        model_errors: How far a primitive may reach beyond the surface it encloses,
             shape (p,) [m].
         shapes: Shapes whose numbers rows lead to; kept so that these live as long.
         standing: Objects that stand still, by name.

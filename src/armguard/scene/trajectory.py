@@ -69,7 +69,7 @@ class Trajectory:
                 near = did_you_mean(name, sorted(joints, key=column.__contains__))
                 robot, slash, _ = name.partition("/")
                 if slash and robot not in scene.robots:
-                    near = f"no robot is '{robot}': {known_names(scene.robots)}"
+                    near = f"no robot is named '{robot}': {known_names(scene.robots)}"
                 elif self.stamps is None and len(self.q) > 1 and self._rises(name):
                     near += "; if it holds times, name it 't'"
                 raise self._wrong(f"joint '{name}' is not in the scene; {near}")

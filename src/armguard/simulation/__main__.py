@@ -26,7 +26,7 @@ PATIENCE = 30.0
 
 
 def main() -> int:
-    """Run until somebody ends it; an error of ours is one message and exit code 2."""
+    """Run until it is ended; an error of ours is one message and exit code 2."""
     words = argparse.ArgumentParser(
         prog="python -m armguard.simulation",
         description=(__doc__ or "").splitlines()[0],

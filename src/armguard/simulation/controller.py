@@ -41,7 +41,7 @@ class SimulatedArms:
         client: A client that is connected.
         scene: The scene of its welcome.
         imperfection: How inexact and late they are.
-        trace: Where what is true is written, see `trace_of`; nowhere if None.
+        trace: Where the true state is written, see `trace_of`; nowhere if None.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class SimulatedArms:
             self._alone = self._silent = False
             # It came since, however long this process then waited for its turn.
             came = max(answer.sent, looked)
-            self.plant.tell(answer.velocity, actions, at=came)
+            self.plant.send(answer.velocity, actions, at=came)
 
     def close(self) -> None:
         """End the trace; the client is its owner's."""
@@ -109,7 +109,7 @@ class SimulatedArms:
 
     def _stop(self) -> None:
         """Have all arms stop."""
-        self.plant.tell(np.zeros(len(self.plant.q)), self._stops)
+        self.plant.send(np.zeros(len(self.plant.q)), self._stops)
 
     def _find_again(self, cause: Cause) -> None:
         """Ask now and then whether a service that was lost is there again."""
@@ -128,6 +128,6 @@ class SimulatedArms:
 
 
 def trace_of(now: float, plant: Plant) -> Floats:
-    """What is true: time, then whether each arm is held, then positions, velocities."""
+    """The true state: time, whether each arm is held, positions, velocities."""
     held: Mapping[str, bool] = plant.held
     return np.concatenate([[now], [*held.values()], plant.q, plant.v])

@@ -14,7 +14,7 @@ class Phase(Enum):
     """What the drives of an arm do."""
 
     FOLLOWING = auto()
-    """They follow the velocities they are told."""
+    """They follow the commanded velocities."""
 
     STOPPING = auto()
     """A controlled stop, or the brake in its place, is under way."""
@@ -26,7 +26,7 @@ class Phase(Enum):
 class Drives:
     """All joints of one arm.
 
-    A stop that has begun is carried out to its end, whatever they are told meanwhile.
+    A stop that has begun is carried out to its end, whatever is commanded meanwhile.
     A joint that reaches its end stop rests there until it is driven away from it.
 
     Attributes:
@@ -58,7 +58,7 @@ class Drives:
         """Take on velocities, all of them missed by something while not zero.
 
         Args:
-            velocity: What they are told, shape (n,) [rad/s or m/s].
+            velocity: Commanded velocities, shape (n,) [rad/s or m/s].
             miss: What a joint that is to move misses that by, shape (n,).
         """
         self._aim = velocity + np.where(velocity != 0.0, miss, 0.0)
@@ -89,7 +89,7 @@ class Drives:
         self.q = reached
 
     def _approach(self, dt: float) -> None:
-        """Change velocities towards what is told, and stay there."""
+        """Change velocities towards the commanded ones, and keep them."""
         figures = self._figures
         aim = np.clip(self._aim, -figures.velocity, figures.velocity)
         change = aim - self.v

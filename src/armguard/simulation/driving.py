@@ -14,16 +14,16 @@ from armguard.service.wire import Cause
 
 Floats = NDArray[np.float64]
 
-# Time between two wishes [s].
+# Time between two desired motions [s].
 EVERY = 0.02
 
-# How often he asks for the command while somebody else has it [s].
+# Time between two claims while another client has the command [s].
 ASKS = 1.0
 
 # How long the service gets to answer [s].
 AN_ANSWER = 0.1
 
-# How long he looks after arms that had to be braked, before he resets them [s].
+# Time from a brake of an arm to its reset [s].
 LOOKS_AFTER = 2.0
 
 # What a client says that has lost its service.
@@ -31,28 +31,28 @@ LOST = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
 
 
 class Hands(Protocol):
-    """Says what is asked for, see `Operator`."""
+    """Source of desired motion, see `Operator`."""
 
     engages: bool
-    """Whether he engages what the service stopped."""
+    """Whether robots are engaged that the service stopped."""
 
     def drive(
         self, t: float, q: Floats, blocked: Mapping[str, Blocked]
     ) -> tuple[Floats, list[str]]:
-        """Velocities that are asked for, and robots that are engaged."""
+        """Desired velocities, and robots that are engaged."""
 
 
 class DrivingOperator:
-    """Claims the command when nobody has it, and drives until somebody takes it.
+    """Claims the command when it is free, and drives until another client takes it.
 
     Attributes:
-        client: His client.
+        client: The client it commands through.
         pressed: Set by a person who presses the button that engages all arms, whatever
             stopped them.
 
     Args:
         client: A client that is connected.
-        hands: What he asks for, and when he engages.
+        hands: Source of desired motion and of engagements.
     """
 
     def __init__(self, client: Client, hands: Hands) -> None:
@@ -80,12 +80,12 @@ class DrivingOperator:
                 self._drive(now, latest)
 
     def _drive(self, now: float, answer: Answer) -> None:
-        """Say what is wanted now."""
+        """Send the present desired motion."""
         client = self.client
-        wish, engages = self._hands.drive(
+        desired, engages = self._hands.drive(
             now - self._start, answer.position, answer.blocked
         )
-        client.send_velocities(wish)
+        client.send_velocities(desired)
         for robot in engages:
             self._engage(robot)
         braked = answer.action >= Action.BRAKE
@@ -94,24 +94,24 @@ class DrivingOperator:
         looked_after = now - self._braked > LOOKS_AFTER
         if self.pressed or looked_after:
             if braked:
-                # He has looked after arms that did not stop as they should have.
+                # Arms that did not stop as declared are reset first.
                 self._call("reset")
             self._engage(None, pressed=self.pressed)
             self.pressed, self._braked = False, now
 
     def _engage(self, robot: str | None, *, pressed: bool = False) -> None:
-        """Engage a robot, or all; what was ordered to stop only with the button."""
+        """Engage a robot, or all; robots of an ordered stop only with the button."""
         self._call("engage", name=robot, ordered=pressed)
 
     def _call(self, what: str, **arguments: str | bool | None) -> None:
-        """Call the guard; what is refused now is tried again later."""
+        """Call the guard; a refused call is repeated later."""
         try:
             self.client.call(what, timeout=1.0, **arguments)
         except StationError:
             return
 
     def _claim(self, now: float, cause: Cause) -> None:
-        """Ask for the command, and before for a service that was lost."""
+        """Claim the command; before, connect to a service that was lost."""
         if now - self._asked < ASKS:
             return
         self._asked = now

@@ -11,32 +11,32 @@ from armguard.simulation.tele import TeleDriver
 
 Floats = NDArray[np.float64]
 
-# How long he keeps his hands off an arm that was stopped, before he engages it [s].
+# Time without desired motion from the stop of an arm to its engagement [s].
 WAIT = 0.6
 
-# He then backs off for so long, to where the arm was so long before, at this share of
-# its top speeds.
+# Duration of the retreat that follows, age of the configuration it leads to [s], and
+# its share of the top speeds [-].
 BACK, BEFORE, BACK_PACE = 0.8, 1.6, 0.25
 
-# A stop so soon after he went on belongs to the last one [s].
+# A stop so soon after the arm went on belongs to the last one [s].
 LET_BE = 1.0
 
-# Time between two places he remembers [s].
+# Time between two configurations that are kept [s].
 GLANCE = 0.2
 
-# How long he tries to get out of what is too near in one direction [s].
+# Time on one leg without getting away from a near body, before the next leg [s].
 TRY = 1.5
 
 
 class Operator:
-    """Drives all arms; one that was stopped he lets go, engages, and backs off with.
+    """Drives all arms; one that was stopped is released, engaged, and led back.
 
     Attributes:
-        driver: Where he wants to go.
-        engages: Whether he engages what was stopped.
+        driver: Source of the motion between stops.
+        engages: Whether stopped arms are engaged.
 
     Args:
-        driver: Where he wants to go.
+        driver: Source of the motion between stops.
     """
 
     def __init__(self, driver: TeleDriver) -> None:
@@ -47,12 +47,12 @@ class Operator:
     def drive(
         self, t: float, q: Floats, blocked: Mapping[str, Blocked]
     ) -> tuple[Floats, list[str]]:
-        """What he asks for, and which arms he engages now.
+        """Desired velocities, and arms that are engaged now.
 
         Args:
             t: Time [s].
             q: Positions, shape (n,) [rad or m].
-            blocked: What keeps each arm from following him, as far as he was told.
+            blocked: What keeps each arm from following, as the service reports it.
 
         Returns:
             Velocities, shape (n,) [rad/s or m/s], and names of robots.
@@ -63,10 +63,10 @@ class Operator:
             for name, hand in zip(driver.robots, self._hands, strict=True)
             if hand.learns(t, q, blocked.get(name, Blocked.NOT))
         ]
-        wish = driver.wish([t + hand.ahead for hand in self._hands], q)
+        desired = driver.desired([t + hand.ahead for hand in self._hands], q)
         for hand in self._hands:
-            hand.overrule(t, q, wish)
-        return wish, engages
+            hand.overrule(t, q, desired)
+        return desired, engages
 
 
 class Hand:
@@ -102,21 +102,21 @@ class Hand:
                 self._remember(t, q)
         return False
 
-    def overrule(self, t: float, q: Floats, wish: Floats) -> None:
+    def overrule(self, t: float, q: Floats, desired: Floats) -> None:
         """Do something else than the driver says, where there is need."""
         if t < self._off_until:
-            wish[self._own] = 0.0
+            desired[self._own] = 0.0
         elif t < self._back_until and self._past:
             target = self._past[0][1]
-            wish[self._own] = self._driver.towards(
+            desired[self._own] = self._driver.towards(
                 self._r, target, q[self._own], BACK_PACE
             )
 
     def _let_go(self, t: float) -> None:
-        """Take the hand away, then back off, then begin the next leg.
+        """Release the arm, then back off, then begin the next leg.
 
-        Where that ended in another stop he lets the other arms go first, and every
-        other time he does not go back the way he came.
+        Where that ended in another stop, the other arms go first, and every other time
+        the arm does not go back on its path.
         """
         patience = self._tries % 3 * self._r
         self._off_until = t + WAIT + patience * BACK
@@ -126,7 +126,7 @@ class Hand:
         self.ahead = self._driver.next_leg(t + self.ahead) - t - rest
 
     def _try_elsewhere(self, t: float) -> None:
-        """Begin another leg if this one has not led out of what is too near."""
+        """Begin another leg if this one has not led away from a near body."""
         if np.isnan(self._near_since):
             self._near_since = t
         elif t - self._near_since >= TRY:

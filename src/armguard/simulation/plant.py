@@ -17,7 +17,7 @@ from armguard.simulation.drives import Drives, Phase
 
 Floats = NDArray[np.float64]
 
-# Longest time for which a joint misses what it is told by the same [s].
+# Longest time for which a joint misses its command by the same error [s].
 SAME_MISS = 0.3
 
 
@@ -41,7 +41,7 @@ PERFECT = Imperfection(errors=0.0, lateness=0.0)
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What one arm was told.
+    """A command to one arm.
 
     Attributes:
         at: When its drives obey [s].
@@ -79,7 +79,7 @@ class Arm:
         self._orders: deque[Order] = deque()
         self._brake_at = np.inf
 
-    def tell(self, order: Order, now: float) -> None:
+    def send(self, order: Order, now: float) -> None:
         """Send an order; none overtakes one that was sent before."""
         if order.action >= Action.BRAKE:
             # The brake is not the drives': it has its own way and its own delay.
@@ -176,7 +176,7 @@ class Plant:
         """Whether each arm rests and is held."""
         return {arm.name: arm.drives.phase is Phase.HELD for arm in self.arms}
 
-    def tell(
+    def send(
         self, velocity: Floats, actions: Mapping[str, Action], at: float | None = None
     ) -> None:
         """Send orders to all arms; their drives obey after the declared delay, or less.
@@ -190,23 +190,23 @@ class Plant:
         for arm in self.arms:
             due = sent + self._how.lateness * arm.figures.command
             action = actions.get(arm.name, Action.FOLLOW)
-            arm.tell(Order(due, action, np.array(velocity[arm.own])), sent)
+            arm.send(Order(due, action, np.array(velocity[arm.own])), sent)
 
     def advance(
         self,
         dt: float,
-        told: Floats | None = None,
+        command: Floats | None = None,
         actions: Mapping[str, Action] | None = None,
     ) -> None:
         """Let time pass.
 
         Args:
             dt: How long [s].
-            told: Velocities sent now, see `tell`; None if nothing is.
+            command: Velocities sent now, see `send`; None if none are.
             actions: Actions sent with them.
         """
-        if told is not None:
-            self.tell(told, actions or {})
+        if command is not None:
+            self.send(command, actions or {})
         self._draw_miss()
         until = self.time + dt
         for arm in self.arms:
@@ -219,7 +219,7 @@ class Plant:
         share = self._how.errors
         if share > 0.0:
             q += share * self._error["position_error"] * self._uniform()
-            # A joint that stands is not seen to move.
+            # A joint at rest is not seen to move.
             wrong = share * self._error["velocity_error"] * self._uniform()
             v += np.clip(wrong, -np.abs(v), np.abs(v))
         return q, v

@@ -1,4 +1,4 @@
-"""Where the tools of a scene can get to, and what stands there."""
+"""Where the tools of a scene can get to, and the objects there."""
 
 from collections.abc import Sequence
 
@@ -76,7 +76,7 @@ class Reach:
 
 
 def places_in_reach(tables: SceneTables, reach: Reach) -> Sequence[Floats]:
-    """Points on what stands still in a scene that a tool may run into, each (3,) [m].
+    """Points on stationary objects of a scene that a tool may run into, each (3,) [m].
 
     Of each primitive the point of its box that is nearest to the middle of where the
     tool gets to.

@@ -25,7 +25,7 @@ class Stage:
     Attributes:
         crew: The processes.
         port: Port of the service.
-        client: One who watches.
+        client: A client that observes.
         options: Further arguments of the service.
 
     Args:
@@ -61,7 +61,7 @@ class Stage:
         """Start the service and do not wait for it.
 
         Args:
-            launch: How Python is told to run the command line; `-m armguard` if empty.
+            launch: How Python runs the command line; `-m armguard` if empty.
         """
         serve = ("serve", self._scene, "--port", str(self.port), *self.options)
         self._start("service", *(launch or ("-m", "armguard")), *serve)
@@ -70,7 +70,7 @@ class Stage:
         """Wait until the service answers.
 
         Args:
-            say: Told now and then for how long that has taken [s].
+            say: Called again and again with the time so far [s].
 
         Raises:
             StationError: It ended, or did not answer in time.
@@ -95,7 +95,7 @@ class Stage:
 
         Args:
             port: Where they find the service; its own port if None.
-            trace: Where they write what is true.
+            trace: Where they write their true state.
         """
         to = () if trace is None else ("--trace", str(trace))
         self._simulated("arms", port, *to)
@@ -105,7 +105,7 @@ class Stage:
 
         Args:
             port: See `start_arms`.
-            seed: Of his whims; with none he has all arms sway about home.
+            seed: Seed of its motion; without one all arms sway about home.
         """
         how = ("--sway",) if seed is None else ("--drive", str(seed))
         self._simulated("operator", port, *how)

@@ -21,10 +21,10 @@ BACK = 2.0
 
 
 class Sway:
-    """Asks each joint to swing a little, so that every arm moves at every time.
+    """Has each joint swing a little, so that every arm moves at every time.
 
-    He never lets go and never engages anything: an arm that was stopped stands until
-    somebody else engages it.
+    It never releases and never engages an arm: one that was stopped stays at rest until
+    another client engages it.
 
     Args:
         tables: The scene.
@@ -46,7 +46,7 @@ class Sway:
         rate = 2.0 * np.pi / SWAY
         angle = rate * t + self._phase
         there = self._home + self._span * np.sin(angle)
-        # Whatever is told of where the arms are, he asks for no more than this.
+        # Bounded, whatever positions are reported.
         back = np.clip(BACK * (there - q), -self._span, self._span)
-        wish: Floats = self._span * rate * np.cos(angle) + back
-        return wish, []
+        desired: Floats = self._span * rate * np.cos(angle) + back
+        return desired, []

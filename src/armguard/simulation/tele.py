@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 # An arm's time is cut into legs of this length [s].
 LEG = 3.2
 
-# Shortest and longest pause at the end of a leg, in which nothing is asked for [s].
+# Shortest and longest pause at the end of a leg, without desired motion [s].
 PAUSES = (0.3, 0.7)
 
 # Time in which a leg's speed rises at its start, and falls before its pause [s].
@@ -23,17 +23,17 @@ EASE = 0.35
 # Slowest and fastest legs, in shares of the top speeds [-].
 PACES = (0.3, 0.8)
 
-# A joint near its target is slowed down in proportion to what is left [1/s].
+# A joint near its target is slowed down in proportion to the rest of its way [1/s].
 APPROACH = 3.0
 
 # Shares of the legs that lead all arms to one point, and of the others those that lead
-# an arm to something that stands there.
+# an arm to a stationary object.
 MEETINGS, TO_A_THING = 0.4, 0.5
 
 # Legs that are remembered; a forgotten one is drawn again, the same.
 REMEMBERED = 64
 
-# Top speed of a joint nobody declared one for [rad/s or m/s].
+# Top speed of a joint without a declared one [rad/s or m/s].
 SOME_SPEED = 1.0
 
 
@@ -61,12 +61,12 @@ class Leg:
 
 
 class TeleDriver:
-    """What operators ask for: a function of a seed, of time and of where the arms are.
+    """Desired motion of operators: a function of a seed, time and the arms' positions.
 
     Every few seconds each arm sets out for another place, often to a point where it
-    meets the others, or to something that stands there. Between two legs nothing is
-    asked for, as by somebody who takes his hand away, so an arm that was stopped goes
-    on with the next one.
+    meets the others, or to a stationary object. Between two legs there is no desired
+    motion, as if the operator released the arm, so an arm that was stopped goes on with
+    the next one.
 
     Attributes:
         robots: Names of the robots.
@@ -79,7 +79,7 @@ class TeleDriver:
         >>> from armguard.scene import bay_scene, compile_scene
         >>> tables = compile_scene(bay_scene("path"))
         >>> driver = TeleDriver(tables, seed=1)
-        >>> driver.wish(1.0, tables.home).shape
+        >>> driver.desired(1.0, tables.home).shape
         (14,)
     """
 
@@ -106,18 +106,18 @@ class TeleDriver:
         self._meetings = meeting_points(self._reach)
         self._legs: dict[tuple[int, int], Leg] = {}
 
-    def wish(self, t: ArrayLike, q: Floats) -> Floats:
-        """Velocities that are asked for, shape (n,) [rad/s or m/s].
+    def desired(self, t: ArrayLike, q: Floats) -> Floats:
+        """Desired velocities, shape (n,) [rad/s or m/s].
 
         Args:
             t: Time, one for all arms or each arm's own, shape (r,) [s].
             q: Measured positions, shape (n,) [rad or m].
         """
         times = np.broadcast_to(np.asarray(t, dtype=np.float64), len(self._own))
-        wish = np.zeros(len(q))
+        desired = np.zeros(len(q))
         for r, own in enumerate(self._own):
-            wish[own] = self._wish_of(r, float(times[r]), q[own])
-        return wish
+            desired[own] = self._desired_of(r, float(times[r]), q[own])
+        return desired
 
     def own(self, r: int) -> slice:
         """Part of q of the r-th robot."""
@@ -136,14 +136,14 @@ class TeleDriver:
             q: Where they are, shape (j,).
             share: Share of the top speeds, at most [-].
         """
-        wish = APPROACH * (target - q)
+        desired = APPROACH * (target - q)
         # All joints in proportion, so that the way is straight.
-        most = float(np.max(np.abs(wish) / self._top[r]))
-        velocity: Floats = wish * min(share / most, 1.0) if most > 0.0 else wish
+        most = float(np.max(np.abs(desired) / self._top[r]))
+        velocity: Floats = desired * min(share / most, 1.0) if most > 0.0 else desired
         return velocity
 
-    def _wish_of(self, r: int, t: float, q: Floats) -> Floats:
-        """Velocities that are asked for of one arm, shape (j,)."""
+    def _desired_of(self, r: int, t: float, q: Floats) -> Floats:
+        """Desired velocities of one arm, shape (j,)."""
         k = int(np.floor(t / LEG))
         leg = self._leg(r, k)
         since = t - k * LEG

@@ -49,7 +49,7 @@ class DesiredMotion:
 
 
 class Commander:
-    """Has the command or not, and reports what was refused.
+    """Has the command or not, and reports refusals.
 
     Attributes:
         role: What the client may do.

@@ -59,7 +59,7 @@ class Leaves(Drawable):
     """Edges of the octree's leaves that the box of a moving primitive meets.
 
     The leaves are a function of where bodies are, never of how they got there
-    (docs/architecture.md), so a tree of its own with the poses of a frame has the same.
+    (docs/architecture.md), so a separate tree with the poses of a frame has the same.
     """
 
     label = "Octree leaves at the arms"

@@ -1,7 +1,7 @@
 """Makes one desired motion of all inputs of the page, and sends it at a steady rate.
 
-Nothing here is judged or held back: that is the loop's business. What is dropped is
-what has no owner any more: a handle that was released, a page that is gone.
+Nothing here is judged or held back: that is the loop's business. Inputs are dropped
+that have no owner any more: a handle that was released, a page that is gone.
 """
 
 import threading
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 # Time between two desired motions [s]; well within a commander's watchdog.
 PERIOD = 0.02
 
-# Where no page lives for so long, what was begun in one is ended [s].
+# Where no page lives for so long, inputs that one has begun are ended [s].
 LEFT = 2.0
 
 

@@ -344,7 +344,7 @@ class EditTab(Drawable):
 
 
 def attempt(event: viser.GuiEvent, does: Callable[[], Any]) -> None:
-    """Do something; show the person who asked for it why it cannot be done."""
+    """Do something; show the person in the page why it cannot be done."""
     try:
         does()
     except (ArmguardError, OSError) as error:
@@ -368,7 +368,7 @@ def free_place(tables: SceneTables, poses: Floats) -> Floats:
 
 
 def coloured(diff: str) -> str:
-    """A diff as HTML; what is in it means nothing there."""
+    """A diff as HTML; its own markup has no effect."""
     lines = [
         f'<div style="background:{COLOURS.get(line[:1], "none")}">'
         f"{html.escape(line) or '&nbsp;'}</div>"

@@ -117,7 +117,7 @@ class Jog:
 
 
 def numbers(value: Any) -> Floats:
-    """Numbers in a page's message, or none; what is not finite is 0."""
+    """Numbers in a page's message, or none; one that is not finite is 0."""
     known = isinstance(value, Sequence) and not isinstance(value, str)
     if not known or not all(isinstance(v, int | float) for v in value):
         return np.zeros(0)

@@ -90,7 +90,7 @@ class LiveFrames:
         return float("inf") if newest is None else time.monotonic() - newest.monotonic
 
     def start(self) -> None:
-        """Take the events of what is in the ring already, then read in a thread."""
+        """Take the events that are in the ring already, then read in a thread."""
         self._read(lambda frame: None)
         self._thread.start()
 
@@ -145,7 +145,7 @@ class LiveView(View):
         try:
             role = max(found_keys(keys, port)[0])
         except NoServiceError:
-            # The client waits for it, and says what is missing.
+            # The client waits for it, and names the missing key.
             role = Role.OBSERVE
         client = Client(port, role=role, keys=keys, name="view", every=EVERY)
         # What the page's and the ring's threads leave to the one that draws.
@@ -221,7 +221,7 @@ class LiveView(View):
                 )
             self.drawables += self.drive, self.drive.handles
         if commander.role >= Role.SENSE:
-            # Bundled scenes belong to everybody.
+            # Bundled scenes are shared by all users.
             file = Path(welcome.scene_file) if welcome.scene_file else None
             with self.tabs.add_tab("Edit", viser.Icon.CUBE):
                 own = None if file == bay_path() else file
@@ -230,7 +230,7 @@ class LiveView(View):
         self.page.publish("driving", {"on": False})
         self._hash = welcome.scene_hash
         self.source = LiveFrames(Path(welcome.ring), self._judged, self._other)
-        # What was placed before the oldest record that the ring still has.
+        # Objects that were placed before the oldest record in the ring.
         world.objects.begin_with(commander.objects())
         self.source.start()
         self.driver.start()

@@ -3,8 +3,7 @@
 A link that was printed admits one browser and is used up by that; a cookie identifies
 the browser from then on. Host, origin and cookie are checked before a socket opens, so
 nothing that was sent along with the request is ever read. Requests that no browser of
-an operator makes get no answer: a page that tries out ports cannot tell this one from a
-closed one.
+an operator makes get no answer: to a page that tries out ports this port looks closed.
 """
 
 import secrets
@@ -16,7 +15,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-# Names of this machine that a browser may ask for.
+# Names of this machine that a browser may request.
 HOSTS = ("127.0.0.1", "localhost")
 
 # Random bytes of a link and of a cookie.

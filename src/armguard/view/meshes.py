@@ -1,4 +1,4 @@
-"""Triangles of what is drawn: primitives as the check measures them, links, visuals.
+"""Triangles of drawn shapes: primitives as the check measures them, links, visuals.
 
 Every shape is a convex core grown by a radius, so one way draws them all: points whose
 hull is the core, each with a small sphere around it, and the hull of that.
@@ -36,7 +36,7 @@ ROUND = 32
 # Edge of the square that is drawn for a half-space [m].
 GROUND = 4.0
 
-# Thinner than this a core has no hull of its own and is given a little body [m].
+# Thinner than this a core has no hull and is given a little body [m].
 THIN = 5e-4
 
 # Cores that are hulls of points in their row, and how many points.
@@ -128,7 +128,7 @@ def thinned(mesh: Trimesh, most: int) -> Trimesh:
     """The same with fewer triangles: corners in one cell of a grid become one.
 
     Args:
-        mesh: What is drawn.
+        mesh: The drawn mesh.
         most: Triangles it may have.
     """
     cell, thin = 1e-3, mesh

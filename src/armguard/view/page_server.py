@@ -1,7 +1,7 @@
 """The page and its own channel, at one port of this machine.
 
 The page is viser's with a script and a style of ours beside it. The channel is a
-websocket of its own beside viser's, so that a level reaches light and sound at once,
+separate websocket beside viser's, so that a level reaches light and sound at once,
 whatever the drawing has to send; keys, gamepads and heartbeats come back on it.
 """
 

@@ -58,7 +58,7 @@ class Playback:
         self._events: list[Frame] = []
         stops: list[float] = []
         levels: list[tuple[float, Level]] = []
-        stopped = False
+        stopped: tuple[bool, ...] = ()
         every = seen = 0
         for frame in frames:
             if frame.kind is not Kind.CYCLE:
@@ -66,12 +66,16 @@ class Playback:
                 continue
             if not len(frame.poses) or not len(frame.verdict):
                 continue
-            level = Level(levels_of(frame, robots)[0])
+            each = levels_of(frame, robots)
+            level = Level(each[0])
             shown = max(level, Level.STOP) if any(held_in(frame, robots)) else level
             if not levels or shown != levels[-1][1]:
                 levels.append((frame.monotonic, shown))
-            now = level >= Level.STOP
-            if now and not stopped:
+            now = tuple(one >= Level.STOP for one in each)
+            if any(
+                a and not b
+                for a, b in zip(now, stopped or (False,) * len(now), strict=True)
+            ):
                 stops.append(frame.monotonic)
             changed, stopped = now != stopped, now
             seen += 1
@@ -160,7 +164,7 @@ class Playback:
 
 
 class RecordedView(View):
-    """Shows what was recorded, and never takes it for the present.
+    """Shows a recording, and never takes it for the present.
 
     It opens at the first stop.
 
@@ -169,7 +173,7 @@ class RecordedView(View):
 
     Args:
         scene: The scene it was recorded with.
-        frames: What was recorded, in order.
+        frames: Recorded frames, in order.
         page_port: Port of the page; 0 for any port that is free.
 
     Raises:

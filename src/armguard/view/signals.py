@@ -46,6 +46,17 @@ SHADED = {
 }
 
 
+# Line below the plot that names its shades.
+SHADES = (
+    '<div style="font: 12px/1.4 sans-serif; padding: 0 12px 8px; text-align: right">'
+    + " ".join(
+        f'<span style="color: {hexadecimal(LEVEL_COLOURS[level])}">■</span> {word}'
+        for level, word in SHADED.items()
+    )
+    + "</div>"
+)
+
+
 class SignalPlot(Drawable):
     """A signal of the last seconds, with the levels behind it.
 
@@ -84,6 +95,7 @@ class SignalPlot(Drawable):
             legend=uplot.Legend(show=False),
             height=170,
         )
+        self.gui.add_html(SHADES)
 
     @property
     def chosen(self) -> str:
@@ -153,7 +165,7 @@ class SignalPlot(Drawable):
         ordered = sorted(SHADED)
         found = np.searchsorted(ordered, levels, side="right") - 1
         shades = [np.where(found == k, high, 0.0) for k in range(len(ordered))]
-        # Far above the plot: uPlot joins what is beside a NaN.
+        # Far above the plot: uPlot joins the points beside a NaN.
         line = np.where(np.isfinite(values), values, 100.0 * high)
         self._plot.data = times - times[-1], *shades, line, np.full(len(times), 0.0)
 

@@ -145,7 +145,7 @@ def sentence(
     if verdict.reason.level >= Level.STOP:
         said = verdict.reason in ORDERED or verdict.why in "; ".join(sentences)
         if not sentences or not said:
-            sentences.append(verdict.why + cause_of_stop(verdict))
+            sentences.append(verdict.why + cause_of_stop(verdict, "; ".join(sentences)))
     elif not sentences and stopped:
         sentences.append(f"{' and '.join(stopped)}: stopped")
     elif not sentences and not (changed and verdict.reason is Reason.OK):
@@ -155,12 +155,18 @@ def sentence(
     return "; ".join(sentences)
 
 
-def cause_of_stop(verdict: Verdict) -> str:
-    """Why robots that are still stopping were stopped, as the end of a sentence."""
+def cause_of_stop(verdict: Verdict, said: str) -> str:
+    """Why robots that are still stopping were stopped, as the end of a sentence.
+
+    Args:
+        verdict: The verdict.
+        said: Sentences before, whose causes are not repeated.
+    """
     if verdict.reason is not Reason.STOPPING:
         return ""
     known = set(verdict.causes.values()) - {Reason.OK, Reason.STOPPING}
-    causes = " and ".join(sorted(cause.sentence for cause in known))
+    unsaid = {cause.sentence for cause in known if cause.sentence not in said}
+    causes = " and ".join(sorted(unsaid))
     return f", because {causes}" if causes else ""
 
 
@@ -204,13 +210,14 @@ def robot_word(level: Level, action: Action | None, scale: float) -> str:
 
     Args:
         level: Its level.
-        action: Its action; None where no motion was asked for.
+        action: Its action; None where no motion was requested.
         scale: Share of the speed that it may have [-].
     """
     if action is None or (action is Action.FOLLOW and level >= Level.STOP):
         return LEVEL_WORDS[level].lower()
-    if action is Action.FOLLOW and scale < 1.0:
-        return f"{ACTION_WORDS[action]} {scale * 100:.0f} %"
+    percent = round(scale * 100)
+    if action is Action.FOLLOW and percent < 100:
+        return f"{ACTION_WORDS[action]} {percent} %"
     return ACTION_WORDS[action]
 
 

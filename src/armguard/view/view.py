@@ -58,7 +58,7 @@ class View:
 
     Attributes:
         page: The page and its channel.
-        login: Admits browsers, each by a link of its own.
+        login: Admits browsers, each by a separate link.
         server: Viser's server, for tabs and nodes.
         world: The scene that is drawn.
         tabs: The panel's tabs.
@@ -73,7 +73,7 @@ class View:
             of the last thousand changes [s].
 
     Args:
-        scene: What is shown at first.
+        scene: The scene that is shown at first.
         page_port: Port of the page; 0 for any port that is free.
         received: Called with a page's name and its message, from the page's thread.
 

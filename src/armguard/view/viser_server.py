@@ -56,7 +56,7 @@ class Update(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def open_viser(login: Login) -> viser.ViserServer:
-    """Start viser at a port of its own that answers nothing but sockets of our page.
+    """Start viser at a separate port that answers nothing but sockets of our page.
 
     Args:
         login: Says whose sockets open.

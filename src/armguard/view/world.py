@@ -83,7 +83,7 @@ class Cycle:
     Attributes:
         frame: The frame.
         verdict: Its verdict.
-        command: What the robots were commanded; None where no motion was asked for.
+        command: What the robots were commanded; None where no motion was requested.
     """
 
     frame: Frame
@@ -119,7 +119,7 @@ def levels_of(frame: Frame, robots: int) -> tuple[int, ...]:
 
 
 def held_in(frame: Frame, robots: int) -> tuple[bool, ...]:
-    """Which robots are held in a cycle; none where no motion was asked for."""
+    """Which robots are held in a cycle; none where no motion was requested."""
     if not len(frame.told):
         return ()
     return tuple(np.isfinite(frame.told[-2 * robots : -robots]).tolist())

@@ -78,7 +78,7 @@ def start_page(registry: CollectorRegistry, port: int) -> WSGIServer:
     def answer(request: WSGIEnvironment, respond: StartResponse) -> Iterable[bytes]:
         if request.get("HTTP_HOST") not in own:
             respond("421 Misdirected Request", [("Content-Type", "text/plain")])
-            return [f"ask for {own[0]}\n".encode()]
+            return [f"use {own[0]}\n".encode()]
         page: Iterable[bytes] = metrics(request, respond)
         return page
 

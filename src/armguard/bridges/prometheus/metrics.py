@@ -41,16 +41,16 @@ COUNTS = {
     "received": "Datagrams that came in",
     "accepted": "Messages that were taken over",
     "states": "States of robots",
-    "wishes": "Wishes of the commander",
+    "wishes": "Desired motions of the commander, the messages WISH",
     "calls": "Calls",
     "calls_refused": "Calls that were refused",
     "hellos": "Hellos",
     "claims": "Claims of the command that were granted",
     "claims_refused": "Claims of the command that were refused",
-    "stop_orders": "Stops that somebody ordered",
+    "stop_orders": "Stops that a client ordered",
     "cycles": "Cycles",
     "cycles_without_state": "Cycles that no new state began",
-    "cycles_without_wish": "Cycles in which nobody wished for anything",
+    "cycles_without_wish": "Cycles without a desired motion",
     "deadline_missed": "Cycles that ended later than their period allows",
     "cycle_faults": "Cycles that ended with an error, which is a stop",
     "sent": "Messages that were sent",
@@ -154,7 +154,7 @@ def buckets_of(found: Histogram) -> list[tuple[str, float]]:
 # Metrics of each robot: meaning, and place in the robot's row.
 OF_ROBOTS = {
     "level": ("What a robot should do, see docs/verdicts.md", IN_ROBOT.level),
-    "speed_scale": ("Share of his speed an operator may have", IN_ROBOT.scale),
+    "speed_scale": ("Share of the speed that the operator may use", IN_ROBOT.scale),
     "urgency": ("How much an operator is warned", IN_ROBOT.urgency),
     "state_age_seconds": ("Age of a robot's state", IN_ROBOT.age),
 }
@@ -197,11 +197,11 @@ class ServiceCollector:
         if (row := self._ring.latest()) is not None:
             self._take(row)
         if self._about:
-            yield InfoMetricFamily(f"{PREFIX}_scene", "What is guarded", self._about)
+            yield InfoMetricFamily(f"{PREFIX}_scene", "The guarded scene", self._about)
         if self._cycle is not None:
             yield from self._newest(self._cycle)
         if (age := recorder_age(self._ring.path)) is not None:
-            meaning = "Time since all there was had been recorded"
+            meaning = "Time since the recorder had recorded all frames"
             yield gauge("recorder_age_seconds", meaning, age)
         yield count("ring_records", "Records in the ring so far", self._ring.written)
 

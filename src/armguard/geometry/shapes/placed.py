@@ -14,7 +14,7 @@ class PlacedShape:
         shape: The shape.
         pose: Its frame in the parent's.
         model_error: Largest distance from the shape's surface to the surface it
-            stands for; 0 where it *is* that surface [m].
+            encloses; 0 where it *is* that surface [m].
     """
 
     shape: Shape

@@ -47,7 +47,7 @@ NewShape = TypeVar("NewShape", bound=type[SupportShape])
 def register_shape(shape: NewShape) -> NewShape:
     """Decorator: take a class of shapes into the registry, under its name.
 
-    What is registered is held to every law of distances by the tests; its classmethod
+    The tests hold a registered class to every law of distances; its classmethod
     `example(rng, size)` gives them shapes to try.
     """
     SHAPES[shape.__name__] = shape

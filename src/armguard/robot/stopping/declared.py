@@ -35,13 +35,13 @@ DEFAULTS = {
     "velocity": "the URDF's speed limits",
     "acceleration": ASSUMPTION + "twice the deceleration",
     "deceleration": "the measured stops of `tables`",
-    "deceleration_most": ASSUMPTION + "infinite, as nobody said",
+    "deceleration_most": ASSUMPTION + "infinite, not declared",
     "brake_deceleration": ASSUMPTION + "a brake holds no less than a controlled stop",
 }
 DEFAULT = ASSUMPTION + "armguard's default"
 
 # Figures that no data file has.
-NO_ERROR = ASSUMPTION + "0: the URDF is right, and the base stands where the scene says"
+NO_ERROR = ASSUMPTION + "0: the URDF is right, and the base is where the scene says"
 NO_ERRORS = dict.fromkeys(("model_error", "base_error", "base_turn"), NO_ERROR)
 
 Tables = Mapping[str, StopTable | Sequence[Sequence[float]]] | TableFile | str | Path

@@ -157,8 +157,8 @@ class StoppingFigures:
         model_error: How far the real surface may lie outside the model's [m].
         base_error: Greatest error of the base's position [m].
         base_turn: By what angle it may be turned [rad].
-        sources: Where a figure is from, by attribute name; what is not in it was
-            declared by the user. A source that holds "assumption:" is one.
+        sources: Where a figure is from, by attribute name; a figure without a
+            source was declared by the user. A source that holds "assumption:" is one.
         joints: Names of the joints, in the order of the vectors.
     """
 

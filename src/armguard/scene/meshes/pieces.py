@@ -60,7 +60,7 @@ def mesh_parts(
         max_triangles: More than this many are refused.
         concavity: See `convex_pieces`.
         max_pieces: See `convex_pieces`.
-        progress: Called with what is done, its number and their count.
+        progress: Called with the step, its number and their count.
 
     Raises:
         MeshError: The mesh cannot be read, or not be brought into this form.
@@ -103,7 +103,7 @@ def mesh_hull(
     Args:
         mesh: A file, vertices and faces, or an open mesh.
         rounding: Growth outwards [m].
-        progress: Called with what is done, its number and their count.
+        progress: Called with the step, its number and their count.
 
     Raises:
         MeshError: The mesh cannot be read.
@@ -143,7 +143,7 @@ def convex_pieces(
         max_pieces: Pieces to stay below, whatever they close; None for as many as it
             takes.
         rounding: Growth outwards, beyond that growth [m].
-        progress: Called with what is done, its number and their count.
+        progress: Called with the step, its number and their count.
 
     Raises:
         MeshError: The mesh cannot be read, is flat, or coacd cannot cut it or is not

@@ -55,7 +55,7 @@ class TriangleSource:
         """Triangles block by block, shape (n, 3, 3) [m].
 
         Args:
-            progress: Called with what is done, the block's number and their count,
+            progress: Called with the step, the block's number and their count,
                 if there are several.
 
         Raises:

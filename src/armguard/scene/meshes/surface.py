@@ -57,7 +57,7 @@ class Surface:
             source: Its triangles.
             pose: Frame of the mesh in the object's.
             rounding: Growth of every triangle on all sides [m].
-            progress: Called with what is done, the number and count of its steps.
+            progress: Called with the step, the number and count of its steps.
 
         Raises:
             MeshError: A corner or the rounding is not finite.

@@ -27,7 +27,7 @@ class Client(Exchange):
     """Exchanges messages with a service; from one thread.
 
     Its watchdog needs no thread: `latest` is a stop if the newest answer is too old,
-    however long it was not asked for. It compares clocks in messages, and not the times
+    however long it was not read. It compares clocks in messages, and not the times
     at which they were read.
 
     Attributes:
@@ -45,7 +45,7 @@ class Client(Exchange):
             machine has written.
         watchdog: After that much silence of the service its last answer is a stop [s].
         name: Its name in the service's log.
-        every: Cycles to one answer of those this client did not ask for; 0 for none.
+        every: Cycles to one answer beside those to its own states; 0 for none.
 
     Example:
         >>> from armguard.service.client import Client

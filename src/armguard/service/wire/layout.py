@@ -343,7 +343,9 @@ STOPPED = COMMAND.unpack_from(bytes(COMMAND.size))._replace(
     level=STOP_LEVEL,
     action=STOP_ACTION,
 )
-STOPPED_ROW = RobotRow(STOP_LEVEL, STOP_ACTION, 0, 0, 0.0, 1.0, inf, 0, 0, nan)
+STOPPED_ROW = ROBOT.unpack_from(bytes(ROBOT.size))._replace(
+    level=STOP_LEVEL, action=STOP_ACTION, urgency=1.0, age=inf, held_since=nan
+)
 
 
 def command_size(robots: int, joints: int) -> int:

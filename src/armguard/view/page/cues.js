@@ -20,8 +20,7 @@ let shown = ""; // what the header shows
 let unseen = 0; // messages the page has not looked at yet
 let late = null; // the newest of those it was not sent meanwhile
 
-const isGrey = () =>
-  state === null || state.grey !== "" || performance.now() - heard > SILENCE;
+const isGrey = () => veil() !== "";
 
 const line = () => {
   const age = state.age + (performance.now() - heard) / 1000;
@@ -37,6 +36,20 @@ const draw = () => {
   if (now === shown) return;
   shown = now;
   drawHeader(pen, layout, state, beside, grey);
+};
+
+// Why the page is grey, in words; "" where it is the present. This thread knows: the page's
+// own one may have been busy with the drawing, and not the view silent.
+const veil = () => {
+  if (state === null) return "waiting for the view";
+  const silent = performance.now() - heard;
+  return silent > SILENCE ? `the view is silent since ${(silent / 1000).toFixed(1)} s` : state.grey;
+};
+let veiled = null; // what the page was sent of it
+const cover = () => {
+  const said = veil();
+  if (said !== veiled) postMessage({ type: "veil", said });
+  veiled = said;
 };
 
 const due = new Map(); // when a robot's next beep is [ms]
@@ -68,6 +81,7 @@ const take = (message) => {
   const levels = (one) => [one.level, one.name, one.changed, ...one.robots.map((robot) => robot.level)].join();
   const changed = before === null || levels(before) !== levels(message);
   draw();
+  cover();
   sound(changed);
   if (before === null || before.level !== message.level) {
     postMessage({ type: "turned", cycle: message.cycle, at: Date.now() / 1000 });
@@ -116,4 +130,4 @@ onmessage = ({ data }) => {
 };
 
 connect();
-setInterval(() => { draw(); sound(false); }, LOOK);
+setInterval(() => { draw(); cover(); sound(false); }, LOOK);

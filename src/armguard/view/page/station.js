@@ -2,7 +2,6 @@
 // what keys and gamepads say goes back on it. Nothing here judges anything.
 "use strict";
 (() => {
-  const SILENCE = 0.5; // without news for so long the page is grey [s]
   const REPEAT = 50; // keys that are held and gamepads are sent again after this [ms]
   const ANSWER = 4000; // a question waits so long for its answer [ms]
   const READING = 0.5; // an open explanation is left as it is for so long [s]
@@ -15,7 +14,7 @@
     return made;
   };
 
-  // ------------------------------------------------------------------- what is seen
+  // ------------------------------------------------------------------- display
   const bar = make("div", "station");
   const light = make("div", "light", bar);
   light.setAttribute("role", "status");
@@ -78,7 +77,7 @@
     if (!asked) drive.textContent = "Drive yourself";
     sound.hidden = stop.hidden = Boolean(state?.recorded);
   };
-  let heard = -Infinity; // when it came, on this page's clock [s]
+  let heard = 0; // when it came, on this page's clock [s]
   const now = () => performance.now() / 1000;
 
   let explained = -Infinity; // when the open fold was written, on this page's clock [s]
@@ -122,21 +121,14 @@
   };
 
   const refresh = () => {
-    const silent = now() - heard;
-    const age = state === null ? Infinity : state.age + silent;
-    const grey = state === null || silent > SILENCE || state.grey !== "";
-    document.body?.classList.toggle("grey", grey);
-    if (state === null) veil.textContent = "waiting for the view";
-    else if (silent > SILENCE) veil.textContent = `the view is silent since ${silent.toFixed(1)} s`;
-    else veil.textContent = state.grey;
-    if (state !== null) {
-      const written = state.recorded ? state.recorded : `written ${(1000 * age).toFixed(0)} ms ago`;
-      headroom.textContent = [...state.measures, `cycle ${state.cycle}`, written].join(" · ");
-    }
+    if (state === null) return;
+    const age = state.age + now() - heard;
+    const written = state.recorded ? state.recorded : `written ${(1000 * age).toFixed(0)} ms ago`;
+    headroom.textContent = [...state.measures, `cycle ${state.cycle}`, written].join(" · ");
   };
 
   // ------------------------------------------------------- what does not wait for us
-  // The light, the sounds and the channel have threads of their own, see cues.js; this
+  // The light, the sounds and the channel have separate threads, see cues.js; this
   // one is kept busy by the drawing.
   const cues = new Worker(`cues.js?page=${window.stationPage}`);
   const over = make("canvas", "drawn", bar);
@@ -188,7 +180,7 @@
     sound.blur();
   };
 
-  // ------------------------------------------------------------------- what is said
+  // ------------------------------------------------------------------- messages
   const say = (message) => cues.postMessage({ type: "say", message });
   engage.onclick = () => { say({ type: "engage" }); engage.blur(); };
   stop.onclick = () => { say({ type: "stop" }); stop.blur(); };
@@ -259,7 +251,7 @@
   }, true);
   window.addEventListener("blur", () => { down.clear(); pulse(); });
 
-  // What is pointed at, or focused by the keyboard, is marked in the picture.
+  // The pair that the pointer or the focus of the keyboard is on is marked in the picture.
   let beneath = null; // what the pointer is over
   let pointed = ""; // what the view was sent
   const pairOf = (part) => {
@@ -292,6 +284,9 @@
       document.body.append(timeLine.box);
       document.documentElement.classList.add("recording");
       timeLine.begin(data);
+    } else if (data.type === "veil") {
+      veil.textContent = data.said;
+      document.documentElement.classList.toggle("grey", data.said !== "");
     } else if (data.type === "busy") busy.textContent = data.said;
     else if (data.type === "refused") {
       refusal.textContent = data.said;
