@@ -211,7 +211,7 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
 @pytest.mark.parametrize("spare", [-GRAIN, GRAIN])
 def test_without_a_budget_levers_alone_may_prove_a_pair(spare):
     guard, speed = slides({}, period=PERIOD), 1.0
-    guard._motion.effort[0].budget = 0
+    guard._motion.effort.budget = 0
     need, _ = worst_stop({}, speed, PERIOD)
     verdict = judged(guard, 0, need + spare, speed, 0.0, told=True)
     assert (verdict.level is Level.STOP) == (spare < 0.0)

@@ -375,7 +375,7 @@ def test_contracts_cost_nothing_where_there_is_no_gripper():
     scene.add_robot(gantry(), name="arm", stopping=FIGURES)
     add_table(scene)
     guard = guard_of_home(scene)
-    settings = guard._settings[0]
+    settings = guard._settings
     assert settings.contracts == settings.intents == 0
     Loop(guard).push(np.zeros(5), 2)
     guard.allow("arm/left", "table", until=1.0)

@@ -41,7 +41,7 @@ class Judged:
         near = self.guard._workspace.near[0]
         v.judged_count[0], v.judged_left[0], v.grown[0] = 1, left, grown
         v.judged_pairs[0] = 0, 1, row
-        v.judged_settled[0] = m.span[0].settled - longer
+        v.judged_settled[0] = m.span.settled - longer
         near.headroom = 9.0
         known = renewed(self.guard._lines.ctypes.data)
         return known, near.proof, near.headroom
@@ -73,7 +73,7 @@ def test_only_what_was_proven_by_itself_has_anything_left(proof, looked, known):
     guard = Judged().guard
     v, near = guard._watch, guard._workspace.near[0]
     near.proof, near.headroom = proof, 0.3
-    guard._motion.effort[0].beyond_primitives = looked
+    guard._motion.effort.beyond_primitives = looked
     v.judged_count[0] = 0
     noted(guard._lines.ctypes.data)
     assert (v.judged_count[0], v.judged_left[0]) == (1, known)

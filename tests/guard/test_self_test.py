@@ -10,6 +10,7 @@ from armguard.guard import Level, Reason
 from armguard.guard.self_test import self_test
 from armguard.respond import Guard
 from arms import wall_scene
+from grippers import guard_of, pick_scene
 
 
 def words(report):
@@ -61,6 +62,12 @@ def test_a_running_guard_is_left_as_it_was():
     a = one.step([-1.0], 2 * PERIOD, velocity=[0.0])
     b = other.step([-1.0], 2 * PERIOD, velocity=[0.0])
     assert a.tobytes() == b.tobytes()
+
+
+def test_intents_are_read_after_it_where_there_is_a_gripper():
+    guard = guard_of(pick_scene())
+    self_test(guard)
+    assert guard._settings.intents == 1
 
 
 def test_where_nothing_can_be_approached_that_part_is_skipped():

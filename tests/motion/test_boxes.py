@@ -92,7 +92,7 @@ class Boxed:
         m.node_grow[at, self.chain] = self.grow
         m.box_line[0] = 0.0, 1.0
         m.box_place[0], m.box_part[0] = 0.0, 1.0
-        m.effort[0].tests = 0
+        m.effort.tests = 0
         angle = rng.uniform(-np.pi, np.pi)
         away = 2.0 * RADIUS + rng.uniform(0.05, 0.3) + 2.0 * size
         self.ball = place(self.kinds, self.q) + away * np.array(
@@ -126,7 +126,7 @@ def test_all_positions_of_a_box_are_proven_as_far_as_the_nearest_is(kinds, size)
         least = arm.distances().min()
         # What a proof may lose, and what is too much for it.
         for lack, known in ((0.2 * size**2, PROVEN), (-0.02 * size, NEEDED)):
-            arm.m.effort[0].tests = 0
+            arm.m.effort.tests = 0
             proof, spare = prove(NODE, least - lack, arm.pair, arm.address)
             assert proof == known
             low, high = sorted((0.0, lack))
@@ -140,11 +140,11 @@ def test_the_smallest_box_there_is_room_for_is_not_halved():
         low, high = arm.distances().min() + np.array([-0.05, 0.01])
         for _ in range(40):
             wanted = 0.5 * (low + high)
-            arm.m.effort[0].tests = 0
+            arm.m.effort.tests = 0
             proof, _ = prove(NODE, wanted, arm.pair, arm.address)
             low, high = (low, wanted) if proof == NEEDED else (wanted, high)
             if proof == UNSURE:
-                boxes.append(arm.m.effort[0].tests // BOX_COST)
+                boxes.append(arm.m.effort.tests // BOX_COST)
     assert min(boxes) == BOX_LEVELS
 
 

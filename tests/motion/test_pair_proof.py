@@ -79,7 +79,7 @@ class Stopping:
         m.driven[:] = FIGURES["velocity"]
         m.clock[NEXT].reaction = 0.02
         plan(self.address)
-        self.times = np.linspace(0.0, m.span[0].horizon, MOMENTS)
+        self.times = np.linspace(0.0, m.span.horizon, MOMENTS)
         shares = np.array(list(product(np.linspace(0.0, 1.0, 5), repeat=2)))
         error = FIGURES["position_error"]
         low = np.stack([-curve(self.times, m.down[j]) - error for j in range(2)], -1)
@@ -99,7 +99,7 @@ class Stopping:
         apart -= 2.0 * RADIUS
         # At rest it may still be met until it has settled.
         times = self.times.copy()
-        times[-1] = self.m.span[0].settled
+        times[-1] = self.m.span.settled
         return (apart - drift * times).min()
 
 
@@ -112,9 +112,9 @@ def test_what_no_motion_breaks_is_proven_and_what_one_does_is_not(kinds, drift):
         arm.draw(rng)
         left = arm.left(drift)
         # What a span takes for its end is later than the moment in it.
-        loss = LOSS + drift * arm.m.span[0].horizon / 64.0
+        loss = LOSS + drift * arm.m.span.horizon / 64.0
         for spare in (loss, 3.0 * loss, -1e-4):
-            arm.m.effort[0].tests = 0
+            arm.m.effort.tests = 0
             arm.pair.need, arm.pair.drift = left - spare, drift
             proof, found = prove(-np.inf, arm.pair, arm.address)
             assert (proof == PROVEN) == (spare > 0.0)

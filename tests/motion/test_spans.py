@@ -70,7 +70,7 @@ def span(guard, node):
     middle = motion.node_q[at, 0] - motion.q[0] + PLACES * way
     first = 1 << (node.bit_length() - 1)
     share = (np.array([node, node + 1]) - first) / first
-    start, end = motion.span[0].horizon * share
+    start, end = motion.span.horizon * share
     return start, end, middle - wide - PLACES * grow, middle + wide + PLACES * grow
 
 
@@ -109,7 +109,7 @@ def test_no_motion_within_its_figures_leaves_a_span(case, sign):
     let_go(guard)
     guard.step([0.0], 5.0 - age, velocity=[sign * speed], now=5.0)
     spans = [span(guard, node) for node in SPANS]
-    horizon = guard._motion.span[0].horizon
+    horizon = guard._motion.span.horizon
     for rest, times, ways in motions(figures, sign * speed, age):
         assert rest <= horizon
         for start, end, low, high in spans:

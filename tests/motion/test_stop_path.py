@@ -162,7 +162,7 @@ def test_a_plan_is_that_of_its_joints_and_the_range_that_of_both_directions(brak
     for _ in range(20):
         one.draw()
         m.clock.braking = brakes
-        stamp = m.effort[0].stamp
+        stamp = int(m.effort.stamp)
         for which in (NEXT, NOW):
             plan(which, one.address)
             rests = []
@@ -183,10 +183,10 @@ def test_a_plan_is_that_of_its_joints_and_the_range_that_of_both_directions(brak
                 assert m.spread[which, b] == pytest.approx(np.abs(ends).max())
             if which == NEXT:
                 horizon = max(rests)
-        assert m.effort[0].stamp == stamp + 1
-        assert m.span[0].horizon == pytest.approx(horizon)
+        assert m.effort.stamp == stamp + 1
+        assert m.span.horizon == pytest.approx(horizon)
         known = horizon + FIGURES["settle_time"]
-        assert m.span[0].settled == pytest.approx(known)
+        assert m.span.settled == pytest.approx(known)
 
 
 def test_what_is_left_out_neither_moves_nor_errs():
@@ -196,7 +196,7 @@ def test_what_is_left_out_neither_moves_nor_errs():
     plan(NEXT, one.address)
     assert not one.m.spread[NEXT].any()
     assert not one.m.width[NEXT].any()
-    assert one.m.span[0].horizon == one.m.span[0].settled == 0.0
+    assert one.m.span.horizon == one.m.span.settled == 0.0
     reaches(NEXT, one.tables.bodies, one.address)
     assert not one.m.rate.any()
     free(3, one.address)
@@ -230,8 +230,8 @@ def test_a_stop_under_way_swings_as_is_remembered_though_it_rests(speed):
             assert stop.swing_back == pytest.approx(bounces[j][side])
             rest = max(m.up[j].rest_time, m.down[j].rest_time, 0.0)
             assert stop.settled == pytest.approx(rest + FIGURES["settle_time"])
-    assert m.span[0].horizon == 0.0
-    assert m.span[0].settled == pytest.approx(FIGURES["settle_time"])
+    assert m.span.horizon == 0.0
+    assert m.span.settled == pytest.approx(FIGURES["settle_time"])
 
 
 def bow_of(one, which, j, side, start):
@@ -255,7 +255,7 @@ def test_a_span_is_the_chord_of_both_curves_and_their_bow():
         for j, number in product(range(2), (1, 2, 3, 5, 9, 15)):
             first = 1 << (number.bit_length() - 1)
             share = (np.array([number, number + 1]) - first) / first
-            start, end = m.span[0].horizon * share
+            start, end = m.span.horizon * share
             found = span(NEXT, j, start, end, one.address)
             middle, half, wide_0, wide_1 = found
             times = 0.015 + np.linspace(start, end, 33)
@@ -354,7 +354,7 @@ def test_until_a_time_a_joint_gets_as_far_as_it_can_speed_up():
         one.draw()
         # One is faster than it should be.
         m.v_high[0] = 1.7 if k % 3 == 0 else m.v_high[0]
-        m.effort[0].stamp += 1
+        m.effort.stamp += 1
         free(k, one.address)
         times = np.linspace(0.0, FIRST_TIME * RATIO**k, 20_001)
         for j, b in enumerate(one.bodies):

@@ -135,7 +135,7 @@ def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
         leaving(guard)
         guard._watch.relief[0] = 0.1
         guard._watch.given.commanded = commanded
-        guard._motion.span[0].segment = segment
+        guard._motion.span.segment = segment
         relieved = relief_at(-0.02, FLOOR, lines) > 0.0
         assert relieved == (commanded != 0.0 and segment == 0)
 

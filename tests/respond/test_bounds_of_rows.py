@@ -89,7 +89,7 @@ def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new
     loop.go({"arm/z": 0.0}, speed=0.1, longest=4000)
     loop.push({"arm/x": 0.1}, 200)
     # Each pair takes one test for what is under way, and one for what is new.
-    guard._motion.effort[0].budget = budget
+    guard._motion.effort.budget = budget
     wish = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
     command = guard.filter(loop.q, wish, loop.t, velocity=loop.v)
     if budget == 0:

@@ -428,7 +428,7 @@ def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
     command = comes_at(guard, TIP + 0.06, 0.1, asked=turn, velocity=turn)
     assert command.verdict.level is Level.STOP
     # The cart is near, and comes.
-    assert guard._escape.plan[0].approaching_count == 1
+    assert guard._escape.plan.approaching_count == 1
     (headroom,) = (
         pair.headroom
         for pair in command.verdict.near
@@ -447,7 +447,7 @@ def test_no_more_ways_are_judged_in_a_cycle_than_there_is_time_for():
         guard.place("cart", at, time, velocity=(-0.4, 0.0, 0.0))
         v = guard.filter(q, np.zeros(2), time, velocity=v, now=time).velocity
         q = q + v * PERIOD
-        most = max(most, guard._escape.plan[0].placed)
+        most = max(most, int(guard._escape.plan.placed))
         tried.append(guard._escape.notes[0].judged)
     # One way is begun before they are spent: two links, looked at twice and in between.
     assert 800 < most <= 800 + 2 * (2 * STEPS + POSTURES)

@@ -151,7 +151,7 @@ def test_ways_are_sought_from_twice_the_evade_time_on(share):
     still = np.zeros(2)
     command = guard.filter(still, still, 0.0, velocity=still, now=0.0)
     assert command.blocked["arm"] is not Blocked.EVADING
-    assert guard._escape.plan[0].approaching_count == 1
+    assert guard._escape.plan.approaching_count == 1
     notes = guard._escape.notes[0]
     sought = notes.best_candidate != 0 or notes.next_candidate != 0
     assert sought == (share < 1.0)
@@ -242,7 +242,7 @@ def reaches(w):
 @pytest.mark.parametrize("enabled", [0, 1])
 def test_a_contract_in_force_counts_where_intents_are_read(enabled, state):
     """The self-test reads none: its approaches are not those of an operator."""
-    settings = records(1, Settings)
+    settings = records(1, Settings)[0]
     settings.intents = enabled
     contracts = records(3, ContractRow)
     contracts[2].state = state

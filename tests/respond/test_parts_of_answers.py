@@ -91,7 +91,7 @@ def answers(rng):
     low, high = -rng.uniform(0.1, 0.5, JOINTS), rng.uniform(0.1, 0.5, JOINTS)
     settings = records(1, places.Behaviour)
     settings.repulsion = 0.3
-    loss = records(1, places.HeadroomLoss)
+    loss = records(1, places.HeadroomLoss)[0]
     loss.time, loss.holding = DT, 0.4
     return record(
         raw=rng.normal(size=JOINTS),
@@ -508,7 +508,7 @@ def test_a_robot_is_led_to_a_side_by_the_joints_that_lead_there():
 def escape(rng):
     """What looks for ways of one robot."""
     return record(
-        plan=records(1, EscapePlan),
+        plan=records(1, EscapePlan)[0],
         trial=rng.uniform(-0.5, 0.5, JOINTS),
         way=np.zeros(JOINTS),
         q=np.zeros(JOINTS),
@@ -544,7 +544,7 @@ def test_on_its_way_a_robot_goes_on_then_turns_to_it_and_comes_to_rest():
         )
         delay, rise, go, fall = 0.05, 0.1, 0.4, 0.3
         halt = 0.37 if halted else np.inf
-        plan = e.plan[0]
+        plan = e.plan
         plan.delay, plan.rise, plan.brake_at, plan.fall = delay, rise, go, fall
         plan.halt_at = halt
         for time in (0.03, 0.11, 0.4, 0.6, 2.0):
@@ -560,7 +560,7 @@ def test_on_its_way_a_robot_goes_on_then_turns_to_it_and_comes_to_rest():
                 assert e.q[j] == pytest.approx(known, abs=1e-6)
                 held += known != m.q[j] + way
     assert held > 5
-    assert e.plan[0].placed == e.plan[0].own_count == 0
+    assert e.plan.placed == e.plan.own_count == 0
 
 
 def test_aside_is_away_from_what_comes_and_across_its_way():
@@ -602,17 +602,17 @@ def test_a_robot_that_rests_or_runs_waits_for_the_reason_that_it_stands_still(
     for before in (Reason.OK, 555):
         a = record(
             notes=records(1, places.RobotNotes),
-            request=records(1, places.Request),
+            request=records(1, places.Request)[0],
         )
-        a.request[0].form = places.STANDSTILL
-        a.request[0].stop_reason = why
+        a.request.form = places.STANDSTILL
+        a.request.stop_reason = why
         v = record(phase=np.array([phase]), cause=np.array([before]))
         assert waits(a, v)
         # What stopped it before is told on, unless somebody ordered this.
         kept = phase == STOPPING or (before != Reason.OK and not ordered)
         assert v.cause[0] == (before if kept else why)
         assert a.notes[0].ordered_stop == (why if ordered else 0)
-        a.request[0].form = places.VELOCITIES
+        a.request.form = places.VELOCITIES
         assert waits(a, v) == ordered
 
 

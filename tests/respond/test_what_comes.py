@@ -44,13 +44,13 @@ def found(centre, velocity, half=0.05, present=True):
     residency[3].status = INDEXED if present else ABSENT
     settings, given = records(1, Behaviour), records(1, Given)[0]
     settings[0].evade_time, given.now = TIME, 5.0
-    loop_settings = records(1, Settings)
+    loop_settings = records(1, Settings)[0]
     loop_settings.moving_count = 3
     e = record(
         reach=np.zeros(6),
         own=np.zeros(4, dtype=np.int32),
         approaching=np.zeros(16, dtype=np.int32),
-        plan=records(1, EscapePlan),
+        plan=records(1, EscapePlan)[0],
     )
     w = record(
         settings=loop_settings,
@@ -67,9 +67,9 @@ def found(centre, velocity, half=0.05, present=True):
     )
     m = record(robot_figures=records(1, RobotFigures))
     look(record(settings=settings), e, w, v, m)
-    assert e.plan[0].own_count == 2
+    assert e.plan.own_count == 2
     assert e.reach == pytest.approx(np.concatenate([LOW, HIGH]))
-    return e.plan[0].approaching_count == 1, e.plan[0].horizon
+    return e.plan.approaching_count == 1, e.plan.horizon
 
 
 def comes(centre, velocity, half=0.05):

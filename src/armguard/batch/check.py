@@ -104,7 +104,7 @@ def search_spans(joints: int, length: int, p: Plan, s: Scratch, w: Place) -> flo
         widest = max(widest, turn)
         good = turn <= WIDE
         s.kept[lane] = 0 if good else -1
-        w.best[lane] = s.settings[0].margin if good else -inf
+        w.best[lane] = s.settings.margin if good else -inf
         w.who[lane] = -1.0
         narrow = narrow or good
     if narrow:
@@ -131,7 +131,7 @@ def take_span(joints: int, lane: int, length: int, s: Scratch, w: Place) -> floa
         store(s.sides, WIDTH, most(high - middle, middle - low))
         store(s.sides, 2 * WIDTH, farthest)
         for k in range(first, min(first + WIDTH, joints)):
-            good = s.sides[2 * WIDTH + k - first] <= s.settings[0].limit
+            good = s.sides[2 * WIDTH + k - first] <= s.settings.limit
             w.q[k * WIDTH + lane] = s.sides[k - first] if good else 0.0
             half = s.sides[WIDTH + k - first] if good else inf
             w.half[k * WIDTH + lane] = half if good else 0.0
@@ -154,13 +154,13 @@ def take_rows(joints: int, first: int, doubtful: bool, s: Scratch, w: Place) -> 
     for k in range(joints):
         for row in range(WIDTH):
             w.q[k * WIDTH + row] = s.block[begin + row * joints + k]
-    store(w.best, 0, splat(s.settings[0].margin))
+    store(w.best, 0, splat(s.settings.margin))
     store(w.who, 0, splat(-1.0))
     if doubtful:
         for row in range(WIDTH):
             good = True
             for k in range(joints):
-                good = good and abs(w.q[k * WIDTH + row]) <= s.settings[0].limit
+                good = good and abs(w.q[k * WIDTH + row]) <= s.settings.limit
             if not good:
                 w.best[row], w.who[row] = -inf, -2.0
                 for k in range(joints):

@@ -307,7 +307,7 @@ class Checker:
         listing = self._listing(len(rows))
         listing.arrays[1][:] = given
         room = self._room()
-        room.scratch.arrays[0][:] = self._settings(inf, 0, 0.0)
+        room.scratch.arrays[0][...] = self._settings(inf, 0, 0.0)
         measure_pairs(
             rows,
             self._plan.lines,
@@ -399,8 +399,8 @@ class Checker:
         """
         if not margin > -inf:
             raise SceneError(f"margin is {margin} m; it must be a number")
-        settings = records(1, SearchSettings)
-        settings[0] = margin, strict, drop, self._limit
+        settings = records((), SearchSettings)
+        settings[...] = margin, strict, drop, self._limit
         return settings
 
     def _listing(self, count: int) -> Ledger:
@@ -420,7 +420,7 @@ class Checker:
         room, pairs = FIRST_ROOM, FIRST_ROOM // WIDTH
         while True:
             scratch, listing = self._scratch(pairs), self._listing(room)
-            scratch.arrays[0][:] = settings
+            scratch.arrays[0][...] = settings
             at = list_near(
                 rows,
                 at,
@@ -448,7 +448,7 @@ class Checker:
     def _check(self, rows: Floats, settings: Any, found: Floats) -> None:
         """Answer for some rows; see `check_rows`."""
         room = self._room()
-        room.scratch.arrays[0][:] = settings
+        room.scratch.arrays[0][...] = settings
         check_rows(
             rows,
             self._plan.lines,
@@ -462,7 +462,7 @@ class Checker:
     def _prove(self, starts: Floats, ends: Floats, reached: NDArray[np.int64]) -> None:
         """Prove some motions; see `prove_motions`."""
         room = self._room()
-        room.scratch.arrays[0][:] = 0.0, 1.0, inf, self._limit
+        room.scratch.arrays[0][...] = 0.0, 1.0, inf, self._limit
         walk = Ledger(
             Walk(
                 waiting=np.zeros((WAITING, 4), dtype=np.int64),
@@ -492,7 +492,7 @@ class Checker:
         """Room beside the places, for so many pairs of each of eight spans or rows."""
         return Ledger(
             Scratch(
-                settings=records(1, SearchSettings),
+                settings=records((), SearchSettings),
                 block=np.zeros(WIDTH * LONGEST * len(self.q_names) + WIDTH),
                 sides=np.zeros(3 * WIDTH),
                 kept=np.zeros(WIDTH, dtype=np.int64),

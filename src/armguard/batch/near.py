@@ -128,7 +128,7 @@ def list_row(
         found.pairs[at, 0] = row
         found.pairs[at, 1], found.pairs[at, 2] = min(i, j), max(i, j)
         write_pair(at, lane, p, s, w, found)
-        if unjudged or found.witness[at, 0] < s.settings[0].margin:
+        if unjudged or found.witness[at, 0] < s.settings.margin:
             found.total[0] = at + 1
     return True
 

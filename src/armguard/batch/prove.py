@@ -104,7 +104,7 @@ def begin_motion(
     good, turn = True, 0.0
     for k in range(starts.shape[1]):
         a, b = starts[motion, k], ends[motion, k]
-        good = good and abs(a) <= s.settings[0].limit and abs(b) <= s.settings[0].limit
+        good = good and abs(a) <= s.settings.limit and abs(b) <= s.settings.limit
         turn += abs(b - a)
     t.reached[motion] = WHOLE if good else -1
     if not good:

@@ -1,7 +1,7 @@
 """Pairs of eight configurations, or of eight spans: which may matter, and how near."""
 
 from math import inf
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.kernel import kernel
-from armguard.record import Records, record
+from armguard.record import record
 from armguard.table import IntMatrix, LongVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
@@ -65,7 +65,7 @@ class Scratch(NamedTuple):
     """What one call writes beside its places.
 
     Attributes:
-        settings: What is searched for, shape (1,).
+        settings: What is searched for.
         block: Joint positions of the rows of eight spans, and eight numbers more,
             shape (256 · n + 8,).
         sides: Middle, half width and sum of magnitudes, of eight joints, (24,).
@@ -75,7 +75,7 @@ class Scratch(NamedTuple):
         single: Rows of a pair in one configuration, and its witness, shape (3, 16).
     """
 
-    settings: Annotated[Records[SearchSettings], 1]
+    settings: SearchSettings
     block: Vector
     sides: Vector
     kept: LongVector
@@ -104,7 +104,7 @@ def search(p: Plan, s: Scratch, w: Place) -> None:
 @kernel
 def search_own(a: int, p: Plan, s: Scratch, w: Place) -> None:
     """Settle the pairs of a part with others that move."""
-    slots, strict, ball = p.parent.shape[0] + 1, s.settings[0].strict, p.parts[a, 2]
+    slots, strict, ball = p.parent.shape[0] + 1, s.settings.strict, p.parts[a, 2]
     for k in range(p.own[a, 0], p.own[a, 1]):
         b, slot = p.pairs[k, 1], p.pairs[k, 2]
         other = p.parts[b, 2]
@@ -124,7 +124,7 @@ def search_own(a: int, p: Plan, s: Scratch, w: Place) -> None:
 @kernel
 def search_standing(a: int, p: Plan, s: Scratch, w: Place) -> None:
     """Settle the pairs of a part with what does not move."""
-    slots, strict, ball = p.parent.shape[0] + 1, s.settings[0].strict, p.parts[a, 2]
+    slots, strict, ball = p.parent.shape[0] + 1, s.settings.strict, p.parts[a, 2]
     u, v = number(w.rows, ball, 1), number(w.rows, ball, 2)
     t = number(w.rows, ball, 3)
     own = p.rows[ball, 0] + p.loose[a] * strict + SLACK
@@ -166,7 +166,7 @@ def try_leads(p: Plan, s: Scratch, w: Place) -> None:
         growth = growth_of(a, i, p.pairs[k, 2], slots, p, w)
         if b < p.own.shape[0]:
             growth = growth + growth_of(b, j, p.pairs[k, 2], slots, p, w)
-        settle(i, j, p.buffers[k] * s.settings[0].strict, growth, 0, p, s, w)
+        settle(i, j, p.buffers[k] * s.settings.strict, growth, 0, p, s, w)
 
 
 @kernel
@@ -185,7 +185,7 @@ def compare_parts(k: int, near: Any, p: Plan, s: Scratch, w: Place) -> None:
     a, b, slot = p.pairs[k, 0], p.pairs[k, 1], p.pairs[k, 2]
     slots = p.parent.shape[0] + 1
     moves = b < p.own.shape[0]
-    buffer = p.buffers[k] * s.settings[0].strict
+    buffer = p.buffers[k] * s.settings.strict
     shift = either(near, splat(0.0), -inf)
     if moves:
         shift = shift + load(w.shift, (b * slots + slot) * WIDTH)
@@ -279,7 +279,7 @@ def settle(
         who = load(w.who, 0)
         nearer = (gap < best) | ((gap == best) & (splat(code) < who))
     if some(nearer):
-        store(w.best, 0, either(nearer, gap - s.settings[0].drop, best))
+        store(w.best, 0, either(nearer, gap - s.settings.drop, best))
         store(w.who, 0, either(nearer, splat(code), load(w.who, 0)))
 
 
@@ -344,7 +344,7 @@ def settle_by_bound(
                 w.best[lane] = -inf
                 w.who[lane] = -2.0 if gap < 0.0 else who
         elif not (gap > best_here or (gap == best_here and who <= code)):
-            w.best[lane] = gap - s.settings[0].drop
+            w.best[lane] = gap - s.settings.drop
             w.who[lane] = code
 
 

@@ -60,7 +60,7 @@ def interval_of(r: int, v: Watch, m: Motion) -> Interval:
         stamp=float(v.stamps[r]),
         time=float(v.stamps[r] - v.last_stamp[r]),
         known=bool(v.sample_count[r] > 0),
-        has_velocity=bool(v.given.has_velocity != 0.0),
+        has_velocity=bool(v.given.has_velocity != 0),
         stops=bool(phase == STOPPING or phase == BRAKING or phase == LOST),
         r=r,
     )
@@ -122,4 +122,4 @@ def keep_agreement(j: int, v: Watch) -> None:
     sums = v.agreement[j]
     sums.ahead, sums.behind = sums.ahead_next, sums.behind_next
     sums.earlier = sums.latest
-    sums.latest = v.velocity[j] if v.given.has_velocity != 0.0 else np.nan
+    sums.latest = v.velocity[j] if v.given.has_velocity != 0 else np.nan

@@ -43,7 +43,7 @@ TOO_MANY = -1
 @kernel
 def begin_notes(v: Watch, m: Motion) -> None:
     """Record the planned stops before the pairs are judged for them."""
-    v.judged_count[0] = TOO_MANY if v.given.commanded == 0.0 else 0
+    v.judged_count[0] = TOO_MANY if v.given.commanded == 0 else 0
     if v.judged_count[0] == TOO_MANY:
         return
     n = m.q.shape[0]
@@ -55,7 +55,7 @@ def begin_notes(v: Watch, m: Motion) -> None:
             judged.settled, judged.rest_travel = stop.settled, rest_way(stop)
     for at in range(v.judged_clock.shape[0]):
         v.judged_clock[at] = m.clock[at]
-    v.judged_settled[0] = m.span[0].settled
+    v.judged_settled[0] = m.span.settled
 
 
 @kernel
@@ -68,7 +68,7 @@ def note_pair(i: int, j: int, row: int, near: NearRow, w: Workspace, v: Watch) -
         v.judged_count[0] = TOO_MANY
         return
     m = w.motion
-    plain = near.proof == PROVEN and m.effort[0].beyond_primitives == 0
+    plain = near.proof == PROVEN and m.effort.beyond_primitives == 0
     v.judged_pairs[k, 0], v.judged_pairs[k, 1], v.judged_pairs[k, 2] = i, j, row
     v.judged_left[k] = near.headroom if plain else -inf
     v.judged_count[0] = k + 1
@@ -168,7 +168,7 @@ def renew(w: Workspace) -> bool:
         False if a pair without a row has to be judged, which needs all pairs again.
     """
     v, m = w.watch, w.motion
-    longer = max(m.span[0].settled - v.judged_settled[0], 0.0)
+    longer = max(m.span.settled - v.judged_settled[0], 0.0)
     moving = m.rate.shape[0]
     w.header.reason, w.header.nearest = OK, -1.0
     for k in range(v.judged_count[0]):

@@ -84,6 +84,7 @@ BOUNDS: Rules = {
     "motion.shared": [Own()],
     "motion.clock": [Whole(0, 1, ("braking", "still", "swings"))],
     "motion.span": [Whole(0, 1, ("segment",))],
+    "watch.given": [Whole(0, 1, ("has_velocity", "commanded", "judged"))],
     "watch.last": [Whole(0, MOST_REASON, ("forced",))],
     "watch.sample_count": [Whole(0, HISTORY)],
     "watch.phase": [Whole(0, RECOVERING)],

@@ -87,7 +87,7 @@ def set_drives(v: Watch, m: Motion) -> None:
     n = m.q.shape[0]
     for j in range(n):
         top, error = m.joint_figures[j].velocity, m.joint_figures[j].tracking_error
-        if v.given.commanded == 0.0:
+        if v.given.commanded == 0:
             m.driven[NOW * n + j, 0] = m.driven[NOW * n + j, 1] = top
             m.driven[NEXT * n + j, 0] = m.driven[NEXT * n + j, 1] = top
             continue

@@ -82,7 +82,7 @@ def fastest(q: int, g: float, plan: int, v: Watch, m: Motion) -> float:
         v: Watch.
         m: Motion.
     """
-    if v.given.commanded == 0.0:
+    if v.given.commanded == 0:
         return float(g * 0.5 * (m.v_low[q] + m.v_high[q]))
     low, high = v.under_way[q, 0], v.under_way[q, 1]
     if plan == NEXT:

@@ -23,7 +23,7 @@ def judge_all(w: Workspace) -> None:
     Args:
         w: The workspace.
     """
-    if w.settings[0].contracts != 0:
+    if w.settings.contracts != 0:
         judge_with_contracts(w)
     else:
         judge_motions(w)
@@ -38,7 +38,7 @@ def judge_with_contracts(w: Workspace) -> None:
     """
     v, m = w.watch, w.motion
     h = w.grips
-    if m.span[0].segment != 0:
+    if m.span.segment != 0:
         judge_motions(w)
         return
     for k in range(h.contracts.shape[0]):
@@ -49,7 +49,7 @@ def judge_with_contracts(w: Workspace) -> None:
         # Not all pairs were judged: it is unknown which contracts are needed.
         return
     end_contracts(h, v)
-    if v.given.commanded == 0.0 and w.settings[0].intents != 0:
+    if v.given.commanded == 0 and w.settings.intents != 0:
         for q in range(h.velocity.shape[0]):
             h.velocity[q] = 0.5 * (m.v_low[q] + m.v_high[q])
         read_intents(h.velocity, w)

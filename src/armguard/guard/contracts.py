@@ -60,7 +60,7 @@ def prove(
     i: int, j: int, plan_i: int, plan_j: int, near: NearRow, w: Workspace
 ) -> tuple[int, float]:
     """Prove that a pair keeps its buffer or contract; see `prove_with_contract`."""
-    if w.settings[0].contracts != 0:
+    if w.settings.contracts != 0:
         return prove_with_contract(i, j, plan_i, plan_j, near, w)
     return prove_pair(i, j, plan_i, plan_j, near, w)
 
@@ -84,7 +84,7 @@ def prove_with_contract(
     """
     v, m, h = w.watch, w.motion, w.grips
     k = -1
-    if h.may[w.groups[i], w.groups[j]] != 0 and m.span[0].segment == 0:
+    if h.may[w.groups[i], w.groups[j]] != 0 and m.span.segment == 0:
         k = contract_of(i, j, h)
     if k < 0:
         return prove_pair(i, j, plan_i, plan_j, near, w)
@@ -150,7 +150,7 @@ def keep_contract(
     v, m = w.watch, w.motion
     c = w.grips.contracts[k]
     # The contract has to be checked again whenever commands change.
-    m.effort[0].beyond_primitives = 1
+    m.effort.beyond_primitives = 1
     refine_pair(i, j, near, w)
     note_nearest(i, near, c)
     robot_j = robot_of(j, v)
@@ -167,7 +167,7 @@ def keep_contract(
     # A moving object may have approached since it was seen, and may approach on.
     drift = object_speed(j, v)
     if drift > 0.0:
-        spare -= drift * (time_since(v.seen_at[j], v, m) + m.span[0].settled)
+        spare -= drift * (time_since(v.seen_at[j], v, m) + m.span.settled)
         closing += drift
     distance = near.distance - max(closing, 0.0) * time
     # An expired contract still lets a pair that is near separate.

@@ -45,7 +45,7 @@ def run_cycle(q: Floats, lines: Longs) -> int:
     rows = clear_header(w)
     if not positions_are_finite(q, w.lower, out):
         return rows
-    rebuild_world(q, w.settings[0].index_kind != IndexKind.LISTED, w)
+    rebuild_world(q, w.settings.index_kind != IndexKind.LISTED, w)
     judge_pairs(w)
     report_limits(q, w.lower, w.upper, out)
     return rows + int(out.near_count) * NEAR_WIDTH
@@ -58,7 +58,7 @@ def clear_header(w: Workspace) -> int:
     Returns:
         Index at which the rows of near pairs start.
     """
-    rows = w.settings[0].first_row
+    rows = w.settings.first_row
     for k in range(rows):
         w.out[k] = 0.0
     w.header.joint = w.header.nearest = w.header.robot = -1.0
@@ -85,12 +85,12 @@ def rebuild_world(q: Vector, indexed: int, w: Workspace) -> None:
 @kernel
 def place_moved(w: Workspace) -> None:
     """Place the primitives of every body whose pose changed in any bit."""
-    force = w.memory[0].measure_all != 0
+    force = w.memory.measure_all != 0
     w.header.bodies_moved = mark_moved_bodies(w.T_next, w.T_world, w.body_moved, force)
     kinds, rows, boxes = w.world.kinds, w.world.rows, w.world.boxes
     links = 0
     last_body = -1
-    for i in range(w.settings[0].moving_count):
+    for i in range(w.settings.moving_count):
         body = w.bodies[i]
         w.moved[i] = w.body_moved[body]
         if w.body_moved[body]:

@@ -47,7 +47,7 @@ def judge_motion(i: int, j: int, near: NearRow, w: Workspace) -> None:
     """
     v, m = w.watch, w.motion
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
-    m.effort[0].beyond_primitives = 0
+    m.effort.beyond_primitives = 0
     near.envelope = OF_WITNESS
     proof, spare = prove(i, j, NEXT, NEXT, near, w)
     judged = near.envelope

@@ -85,7 +85,7 @@ def explain_nearest(w: Workspace, v: Watch, m: Motion) -> None:
             terms[TERM_STATIC + k] = error
             known += error
     seen = static_need(i, j, w, v, m) - known
-    terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span[0].settled
+    terms[TERM_OBJECT] = seen + object_speed(j, v) * m.span.settled
     n = normal_of(near)
     body_i, body_j = w.bodies[i], w.bodies[j]
     first = shared_joints(body_i, body_j, m)

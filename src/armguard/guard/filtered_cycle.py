@@ -61,7 +61,7 @@ def open_cycle(q: Vector, w: Workspace) -> int:
         1 if the input could be judged, else 0.
     """
     v, m = w.watch, w.motion
-    v.given.commanded = 1.0
+    v.given.commanded = 1
     for j in range(v.wanted.shape[0]):
         v.wanted[j] = v.commanded[j]
     clear_header(w)
@@ -109,7 +109,7 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
                 hold_still(r, v, m)
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
-            v.relief_until[r] = now_of(v) + m.span[0].settled
+            v.relief_until[r] = now_of(v) + m.span.settled
         elif recover[r] != GIVES_UP:
             recover[r] = 0
 
@@ -133,7 +133,7 @@ def prove_wanted(w: Workspace) -> None:
             return
         if SHARES[k] == 0.0:
             # Tests spent on greater commands must not stop the pending ones.
-            m.effort[0].tests = 0
+            m.effort.tests = 0
         judge_again(begun, w)
 
 

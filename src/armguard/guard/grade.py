@@ -108,7 +108,7 @@ def fixed_level(r: int, w: Workspace, v: Watch) -> int:
 def common_reason(worst: int, w: Workspace, v: Watch) -> int:
     """Reason of the highest level."""
     found = int(w.header.reason)
-    forced = int(v.last.forced)
+    forced = v.last.forced
     if worst == HARDWARE_STOP:
         return BRAKE_LAGS
     if worst == BRAKE:

@@ -36,7 +36,7 @@ def choose_models(w: Workspace) -> None:
             continue
         coarse = own.model == GripperModel.COARSE
         if own.model == GripperModel.AUTO:
-            near = h.swap[g] + w.settings[0].static_need + look_distance(box, v, m)
+            near = h.swap[g] + w.settings.static_need + look_distance(box, v, m)
             if own.coarse == 0:
                 near *= FAR_AGAIN
             coarse = not anything_near(box, near, w, v)
@@ -65,7 +65,7 @@ def detail(g: int, h: Grips, w: Workspace) -> None:
 def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
     """Whether any primitive that a gripper is checked against is within a distance."""
     everyone = w.groups.shape[0]
-    if everyone <= FEW or w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
+    if everyone <= FEW or w.settings.index_kind == IndexKind.BRUTE_FORCE:
         for j in range(everyone):
             if is_near(box, j, near, w):
                 return True
@@ -73,8 +73,8 @@ def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
     for k in range(3):
         w.look_box[k] = w.world.boxes[box, k] - near
         w.look_box[k + 3] = w.world.boxes[box, k + 3] + near
-    w.memory[0].token += 1
-    token = w.memory[0].token
+    w.memory.token += 1
+    token = w.memory.token
     found = primitives_in_box(box, w.look_box, w.octree, w.seen, token, w.candidates)
     for k in range(found):
         if is_near(box, int(w.candidates[k]), near, w):
@@ -95,7 +95,7 @@ def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
 @kernel(inline=False)
 def put_in(i: int, w: Workspace) -> None:
     """Insert a primitive into the index at its present pose."""
-    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
+    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
         w.octree.residency[i].status = INDEXED
     else:
         octree_insert(i, w.world, w.octree)
@@ -104,7 +104,7 @@ def put_in(i: int, w: Workspace) -> None:
 @kernel(inline=False)
 def take_out(i: int, w: Workspace) -> None:
     """Remove a primitive from the index."""
-    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
+    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
         w.octree.residency[i].status = ABSENT
     else:
         octree_remove(i, w.world, w.octree)

@@ -64,7 +64,7 @@ def run_guarded_cycle(q: Floats, lines: Longs) -> int:
     w = open_workspace(lines)
     out = w.header
     v, m = w.watch, w.motion
-    v.given.commanded = 0.0
+    v.given.commanded = 0
     rows = clear_header(w)
     if not judge_input(q, w):
         return rows
@@ -83,7 +83,7 @@ def judge_input(q: Floats, w: Workspace) -> bool:
         Whether the input could be judged; if not, every robot is stopped.
     """
     take_input(q, w)
-    return bool(w.watch.given.judged != 0.0)
+    return bool(w.watch.given.judged != 0)
 
 
 @kernel(separate=True)
@@ -96,7 +96,7 @@ def take_input(q: Vector, w: Workspace) -> None:
     """
     out = w.header
     v, m = w.watch, w.motion
-    v.given.judged = 0.0
+    v.given.judged = 0
     # The clock first: the stop for any other fault is ordered by it.
     right = clocks_are_right(out, v, m)
     if not positions_are_finite(q, w.lower, out):
@@ -107,15 +107,15 @@ def take_input(q: Vector, w: Workspace) -> None:
     if not observe(q, out, v, m):
         refuse(w)
         return
-    if v.given.commanded != 0.0 and not (
+    if v.given.commanded != 0 and not (
         is_as_commanded(v, m, out) and no_sensor_is_stuck(q, v, m, out)
     ):
         refuse(w)
         return
-    v.given.judged = 1.0
+    v.given.judged = 1
     begin(v, m)
     # Every pair is measured: one that does not move may need another distance now.
-    w.memory[0].measure_all = 1
+    w.memory.measure_all = 1
     rebuild_world(q, asks_index(w), w)
     write_axes(w.T_world, m)
     for plan in range(2):
@@ -143,7 +143,7 @@ def forget_demands(v: Watch, m: Motion) -> None:
         v.must[r] = v.relieved[r] = 0
         v.time_left[r] = np.inf
         v.deficit[r] = 0.0
-    m.effort[0].tests = 0
+    m.effort.tests = 0
 
 
 @kernel(separate=True)
@@ -151,9 +151,9 @@ def conclude(w: Workspace) -> None:
     """Order stops, grade the robots, explain the nearest pair, write times and cues."""
     v, m = w.watch, w.motion
     if w.header.reason == CAPACITY or w.header.reason == NO_DISTANCE:
-        v.last.forced = w.header.reason
+        v.last.forced = int(w.header.reason)
     order_stops(v, m)
-    w.header.spans_tested = m.effort[0].tests
+    w.header.spans_tested = m.effort.tests
     grade_robots(w, v, m)
     write_envelopes(w)
     explain_nearest(w, v, m)

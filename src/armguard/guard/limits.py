@@ -53,7 +53,7 @@ def measured_beyond(j: int, v: Watch, m: Motion) -> float:
     if m.robot_figures[m.robot_of_joint[j]].mode == FIXED:
         return 0.0
     figures = m.joint_figures[j]
-    if v.given.commanded == 0.0:
+    if v.given.commanded == 0:
         return float(figures.position_error)
     return float(figures.led_beyond + figures.position_error)
 

@@ -80,19 +80,19 @@ class Loop:
         self._guarded = any(part.mode != "fixed" for part in tables.robots)
         self._pace = Pace(tables.period, tables.late)
         self._busy = False
-        self._memory = records(1, Memory)
+        self._memory = records((), Memory)
         T_world = np.zeros((len(tables.parent), 12))
         world = world_at_home(tables, T_world)
         self._poses = T_world
         self.index = build_index(tables, world)
-        self._memory[0].measure_all = 1
+        self._memory.measure_all = 1
         first_row = first_row_of(tables)
         answer = answer_of(tables)
         self._out = answer["out"]
         self._watch = watch_of(tables)
         self._input = CycleInput(self._watch, tables.robots)
-        self._settings = records(1, Settings)
-        settings = self._settings[0]
+        self._settings = records((), Settings)
+        settings = self._settings
         settings.first_row = first_row
         self._motion = motion_of(tables, self._budget)
         self._watch_ledger = Ledger(self._watch)
@@ -285,7 +285,7 @@ class Loop:
         in force; those by intent end. Where every mode is "fixed", the next verdict
         does not depend on a reset; only all pairs are measured again.
         """
-        self._memory[0].measure_all = 1
+        self._memory.measure_all = 1
         self._input.last_stamp = -np.inf
         for name, fresh in watch_of(self.tables)._asdict().items():
             if name not in KEPT:
@@ -299,7 +299,7 @@ class Loop:
     def _expect_contracts(self) -> None:
         """Enable contracts in the loop if there may be any, else disable them."""
         may_be = len(self._grips.grippers) > 0 or self._grips.may.any()
-        settings = self._settings[0]
+        settings = self._settings
         settings.contracts = settings.intents = may_be
 
     def _take_over_tables(self) -> None:
@@ -312,7 +312,7 @@ class Loop:
         self._holding.watch = self._watch
         for name, table in (("pairs", pairs), ("pair_need", needs)):
             self._watch_ledger.put(Watch._fields.index(name), table)
-        self._settings[0].static_need = largest_static_need(tables, self._watch)
+        self._settings.static_need = largest_static_need(tables, self._watch)
         self._names = replace(self._names, tables=snapshot(tables))
         self._expect_contracts()
         self._world_changed()
@@ -321,7 +321,7 @@ class Loop:
         """Use a rebuilt index, and measure every pair again in the next cycle."""
         if self._workspace.octree is not self.index.state:
             self._open_ledger(self._workspace._replace(octree=self.index.state))
-        self._memory[0].measure_all = 1
+        self._memory.measure_all = 1
 
     def _open_ledger(self, workspace: Workspace) -> None:
         """Create the ledger through which kernels access the arrays of a workspace."""

@@ -62,7 +62,7 @@ AHEAD_TIME = 1.5e-2
 @kernel
 def asks_index(w: Workspace) -> int:
     """1 if the pairs of this scene are searched in its index, else 0."""
-    searched = w.settings[0].index_kind != IndexKind.BRUTE_FORCE
+    searched = w.settings.index_kind != IndexKind.BRUTE_FORCE
     return int(w.groups.shape[0] > FEW and searched)
 
 
@@ -74,8 +74,8 @@ def judge_motions(w: Workspace) -> None:
     required separation may change although a pair does not move.
     """
     v = w.watch
-    w.memory[0].cycle += 1
-    w.memory[0].kept_count = 0
+    w.memory.cycle += 1
+    w.memory.kept_count = 0
     begin_notes(v, w.motion)
     if v.pairs.shape[0] > 0:
         count = go_through_pairs(w)
@@ -93,13 +93,13 @@ def go_through_pairs(w: Workspace) -> int:
         Count of rows of the answer.
     """
     v, m = w.watch, w.motion
-    boxes, margin = w.world.boxes, w.settings[0].margin
-    moving_count = w.settings[0].moving_count
+    boxes, margin = w.world.boxes, w.settings.margin
+    moving_count = w.settings.moving_count
     write_looks(w, v, m)
     for j in range(moving_count, v.look.shape[0]):
         v.look[j] = way_of_object(j, v, m)
     count = filtered = 0
-    contracts = w.settings[0].contracts != 0
+    contracts = w.settings.contracts != 0
     for k in range(v.pairs.shape[0]):
         i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
         need, look = v.pair_need[k], v.look[i] + v.look[j]
@@ -139,10 +139,10 @@ def look_for_pairs(w: Workspace) -> int:
     write_looks(w, v, m)
     widest = widest_look(w, v, m)
     count = 0
-    for i in range(w.settings[0].moving_count):
+    for i in range(w.settings.moving_count):
         if is_idle(i, v.robot_of, w):
             continue
-        w.memory[0].token += 1
+        w.memory.token += 1
         found = candidates_within(i, widest + v.look[i], w)
         wanted = keep_owned(
             i, found, v.robot_of, w.moved, w.groups, w.checked, candidates
@@ -151,7 +151,7 @@ def look_for_pairs(w: Workspace) -> int:
         for c in range(wanted):
             j = candidates[c]
             need, look = pair_look(i, j, w, v, m)
-            look = max(w.settings[0].margin, look)
+            look = max(w.settings.margin, look)
             if farther(boxes, i, j, look):
                 w.header.pairs_filtered += 1.0
             else:
@@ -180,7 +180,7 @@ def judge_pair(
         return count
     v, near = w.watch, w.near[count]
     distance = near.distance
-    if distance > w.settings[0].margin and is_far_along(i, j, need, near, w):
+    if distance > w.settings.margin and is_far_along(i, j, need, near, w):
         return count
     open_row(i, j, near, w)
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
@@ -188,7 +188,7 @@ def judge_pair(
         refine_pair(i, j, near, w)
     judge_motion(i, j, near, w)
     if (
-        distance > w.settings[0].margin
+        distance > w.settings.margin
         and near.headroom >= hidden_by_error(i, j, w, v)
         and near.time_left >= HYSTERESIS * v.timing.slow_time
     ):
@@ -224,7 +224,7 @@ def is_far_along(i: int, j: int, need: float, near: NearRow, w: Workspace) -> bo
     travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
     if near.distance - travel >= kept:
         return True
-    if m.effort[0].at_middle == 0:
+    if m.effort.at_middle == 0:
         place_at_middle(w.bodies, w.T_world, m)
     boxes = w.world.boxes
     return bool(middle_gap(i, j, body_i, body_j, shared, boxes, m) >= kept)
@@ -239,7 +239,7 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
     """
     m = w.motion
     found = hidden(i, v, m)
-    if j < w.settings[0].moving_count:
+    if j < w.settings.moving_count:
         found += hidden(j, v, m)
     return float(found)
 
@@ -247,7 +247,7 @@ def hidden_by_error(i: int, j: int, w: Workspace, v: Watch) -> float:
 @kernel
 def hidden(i: int, v: Watch, m: Motion) -> float:
     """A primitive's part of that headroom [m]."""
-    return 2.0 * m.blur[i] if v.given.commanded != 0.0 else 0.0
+    return 2.0 * m.blur[i] if v.given.commanded != 0 else 0.0
 
 
 @kernel
@@ -256,10 +256,10 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
 
     Where commands go through the guard, it covers new commands of this cycle as well.
     """
-    if m.span[0].segment == 0:
+    if m.span.segment == 0:
         bound_twists(w.world.boxes, w.bodies, m)
     time = LOOK_AHEAD * v.timing.slow_time
-    for i in range(w.settings[0].moving_count):
+    for i in range(w.settings.moving_count):
         v.tight[i] = follows_twists(i, v, m)
         if v.tight[i] == 0:
             v.ahead[i] = new_commands(v) + time * m.rate[i]
@@ -279,7 +279,7 @@ def follows_twists(i: int, v: Watch, m: Motion) -> int:
     The proofs of a robot in mode "speed" or with a brake rest on levers. A recovering
     robot is relieved of pairs that levers do not prove.
     """
-    if m.span[0].segment != 0 or coarse(i, v, m):
+    if m.span.segment != 0 or coarse(i, v, m):
         return 0
     r = robot_of(i, v)
     if r < 0:
@@ -290,7 +290,7 @@ def follows_twists(i: int, v: Watch, m: Motion) -> int:
 @kernel
 def new_commands(v: Watch) -> float:
     """Search distance that covers new commands of this cycle [m]."""
-    return LOOK_MORE if v.given.commanded != 0.0 else 0.0
+    return LOOK_MORE if v.given.commanded != 0 else 0.0
 
 
 @kernel
@@ -343,10 +343,10 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float,
     The need is inf where the pair has to be proven in full.
     """
     need = static_need(i, j, w, v, m)
-    moving = w.settings[0].moving_count
-    if j >= moving and m.span[0].segment == 0:
+    moving = w.settings.moving_count
+    if j >= moving and m.span.segment == 0:
         need += object_speed(j, v) * time_ahead(v, m)
-    if w.settings[0].contracts != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
+    if w.settings.contracts != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
         look = need + lever_look(i, v, m)
         return (inf, look + lever_look(j, v, m) if j < moving else look)
     look = need + v.look[i]
@@ -359,7 +359,7 @@ def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float,
 def way_of_object(j: int, v: Watch, m: Motion) -> float:
     """Greatest displacement of an object, from its sighting to the look-ahead [m]."""
     speed = object_speed(j, v)
-    if speed == 0.0 or m.span[0].segment != 0:
+    if speed == 0.0 or m.span.segment != 0:
         return 0.0
     return float(speed * (time_since(v.seen_at[j], v, m) + time_ahead(v, m)))
 
@@ -367,7 +367,7 @@ def way_of_object(j: int, v: Watch, m: Motion) -> float:
 @kernel
 def time_ahead(v: Watch, m: Motion) -> float:
     """Look-ahead: time from now after which a contact is not reported [s]."""
-    return float(m.span[0].settled + LOOK_AHEAD * v.timing.slow_time)
+    return float(m.span.settled + LOOK_AHEAD * v.timing.slow_time)
 
 
 @kernel
@@ -378,10 +378,10 @@ def candidates_within(i: int, look: float, w: Workspace) -> int:
     searched with a box query.
     """
     residency = w.octree.residency
-    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
+    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
         return int(present_primitives(i, residency, w.candidates))
-    token = w.memory[0].token
-    if look <= w.settings[0].margin:
+    token = w.memory.token
+    if look <= w.settings.margin:
         return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
     for k in range(3):
         w.look_box[k] = w.world.boxes[i, k] - look
@@ -393,7 +393,7 @@ def candidates_within(i: int, look: float, w: Workspace) -> int:
 def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
     """Greatest search distance that the other side of a pair can require [m]."""
     farthest = 0.0
-    for i in range(w.settings[0].moving_count):
+    for i in range(w.settings.moving_count):
         farthest = max(farthest, v.look[i])
     fastest = 0.0
     seen = inf
@@ -402,6 +402,6 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
         fastest = max(fastest, v.top_speed[j])
         seen = min(seen, v.seen_at[j])
     drift = 0.0
-    if fastest > 0.0 and m.span[0].segment == 0:
+    if fastest > 0.0 and m.span.segment == 0:
         drift = fastest * (time_ahead(v, m) + time_since(seen, v, m))
-    return float(farthest + drift + w.settings[0].static_need)
+    return float(farthest + drift + w.settings.static_need)

@@ -53,11 +53,9 @@ def judge_pairs(w: Workspace) -> None:
     primitives have the lowest ids. So each pair is judged once, and the order of the
     answer does not depend on the order of lists in the index.
     """
-    w.memory[0].cycle += 1
+    w.memory.cycle += 1
     count = (
-        judge_listed(w)
-        if w.settings[0].index_kind == IndexKind.LISTED
-        else judge_found(w)
+        judge_listed(w) if w.settings.index_kind == IndexKind.LISTED else judge_found(w)
     )
     w.header.near_count = count
     decide(count, w)
@@ -73,7 +71,7 @@ def judge_listed(w: Workspace) -> int:
     """
     kept, moved, pairs = w.kept, w.moved, w.watch.pairs
     residency, everything = w.octree.residency, w.groups.shape[0]
-    kept_count = w.memory[0].kept_count
+    kept_count = w.memory.kept_count
     next_kept = count = 0
     last = -1
     for k in range(pairs.shape[0]):
@@ -87,7 +85,7 @@ def judge_listed(w: Workspace) -> int:
             continue
         if residency[i].status == ABSENT or residency[j].status == ABSENT:
             continue
-        if boxes_apart(w.world.boxes, i, j, w.settings[0].margin):
+        if boxes_apart(w.world.boxes, i, j, w.settings.margin):
             w.header.pairs_filtered += 1.0
             continue
         count, next_kept = take_kept(i, j, next_kept, kept_count, count, moved, kept, w)
@@ -103,12 +101,12 @@ def judge_found(w: Workspace) -> int:
     Returns:
         Count of rows of the answer.
     """
-    kept, memory, candidates = w.kept, w.memory[0], w.candidates
+    kept, memory, candidates = w.kept, w.memory, w.candidates
     moved, everything = w.moved, w.groups.shape[0]
     robots = w.watch.robot_of
     kept_count = memory.kept_count
     next_kept = count = 0
-    for i in range(w.settings[0].moving_count):
+    for i in range(w.settings.moving_count):
         if is_idle(i, robots, w):
             continue
         memory.token += 1
@@ -120,7 +118,7 @@ def judge_found(w: Workspace) -> int:
             count, next_kept = take_kept(
                 i, j, next_kept, kept_count, count, moved, kept, w
             )
-            if boxes_apart(w.world.boxes, i, j, w.settings[0].margin):
+            if boxes_apart(w.world.boxes, i, j, w.settings.margin):
                 w.header.pairs_filtered += 1.0
             else:
                 count = judge_candidate(i, j, count, w)
@@ -137,7 +135,7 @@ def judge_candidate(i: int, j: int, count: int, w: Workspace) -> int:
     Returns:
         New count of rows.
     """
-    if not measures_row(i, j, w.settings[0].margin, count, w):
+    if not measures_row(i, j, w.settings.margin, count, w):
         return count
     near = w.near[count]
     open_row(i, j, near, w)
@@ -196,7 +194,7 @@ def open_row(i: int, j: int, near: NearRow, w: Workspace) -> None:
 @kernel
 def index_candidates(i: int, token: int, w: Workspace) -> int:
     """Ids that may be near primitive i, each once: by the octree, or all of them."""
-    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
+    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
         return int(present_primitives(i, w.octree.residency, w.candidates))
     return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
 
@@ -336,7 +334,7 @@ def reason_of(proof: int) -> int:
 @kernel
 def remember(count: int, kept: Records[NearRow], w: Workspace) -> None:
     """Keep this cycle's rows for the next one, unless some are missing."""
-    out, memory = w.header, w.memory[0]
+    out, memory = w.header, w.memory
     if out.reason == CAPACITY or out.reason == NO_DISTANCE:
         memory.kept_count = 0
         memory.measure_all = 1

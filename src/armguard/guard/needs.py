@@ -106,7 +106,7 @@ def static_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
         return float(need)
     need += v.robot_error[i]
     speed = object_speed(j, v)
-    if speed > 0.0 and m.span[0].segment == 0:
+    if speed > 0.0 and m.span.segment == 0:
         need += speed * time_since(v.seen_at[j], v, m)
     return float(need)
 

@@ -263,7 +263,7 @@ def velocities_are_known(q: Floats, v: Watch, m: Motion, out: Header) -> bool:
             continue
         figures = m.joint_figures[j]
         top = figures.velocity * (1.0 + SPEED_SHARE)
-        if v.given.has_velocity != 0.0:
+        if v.given.has_velocity != 0:
             speed, error = v.velocity[j], figures.velocity_error
             m.v_low[j], m.v_high[j] = speed - error, speed + error
         elif not estimate_velocity(j, r, q[j], v, m):

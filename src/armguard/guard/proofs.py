@@ -76,8 +76,8 @@ def prove_pair(
     distance = near.distance
     near.envelope = OF_WITNESS
     need, drift = static_need(i, j, w, v, m), object_speed(j, v)
-    whole = need + drift * m.span[0].settled
-    if is_evaded(i, j, v) and m.span[0].segment == 0:
+    whole = need + drift * m.span.settled
+    if is_evaded(i, j, v) and m.span.segment == 0:
         by_levers = distance - whole - m.reach[plan_i, i]
         if not by_levers >= 0.0:
             v.relieved[robot_of(i, v)] = 1
@@ -87,7 +87,7 @@ def prove_pair(
     relief = relief_of(i, j, near, distance - whole, floor, w, v, m)
     if relief == 0.0:
         return prove_need(i, j, plan_i, plan_j, near, need, False, w)
-    m.effort[0].beyond_primitives = 1
+    m.effort.beyond_primitives = 1
     proof, spare = prove_need(i, j, plan_i, plan_j, near, need - relief, True, w)
     if proof == PROVEN and drift > 0.0 and relief > floor:
         near.envelope = OF_WITNESS
@@ -123,14 +123,14 @@ def prove_need(
     """
     v, m = w.watch, w.motion
     distance, drift = near.distance, object_speed(j, v)
-    whole = need + drift * m.span[0].settled
+    whole = need + drift * m.span.settled
     by_levers = less_reach(distance - whole, i, j, plan_i, plan_j, w)
     blunt = not distance > 0.0 or coarse(i, v, m) or coarse(j, v, m)
     if not relieved and (blunt or is_plenty(by_levers, i, j, near, w, v, m)):
         return (PROVEN if by_levers >= 0.0 else NEEDED, by_levers)
-    if m.effort[0].tests >= m.effort[0].budget:
+    if m.effort.tests >= m.effort.budget:
         return (PROVEN if by_levers >= 0.0 else SPENT, by_levers)
-    m.effort[0].tests += 1
+    m.effort.tests += 1
     p = new_pair()
     p.need, p.drift = need, drift
     describe_pair(i, j, plan_i, plan_j, w, m, p)
@@ -143,11 +143,11 @@ def prove_need(
     if has_exact and not spare >= PLENTY:
         by_shapes = look_at_exact(i, j, w, p)
         if by_shapes > spare:
-            m.effort[0].beyond_primitives = 1
+            m.effort.beyond_primitives = 1
             spare = by_shapes
             near.envelope = OF_EXACT
         describe_pair(i, j, plan_i, plan_j, w, m, p)
-    if spare >= (LITTLE if m.span[0].segment == 0 else 0.0):
+    if spare >= (LITTLE if m.span.segment == 0 else 0.0):
         return (PROVEN, spare)
     return prove_halved(i, j, near, spare, relieved, w, p)
 
@@ -195,7 +195,7 @@ def prove_halved(
     known = spare if spare >= 0.0 else -inf
     proof, by_spans = prove_by_spans(known, p, m)
     if proof == PROVEN and by_spans > spare:
-        m.effort[0].beyond_primitives = 1 if relieved else 0
+        m.effort.beyond_primitives = 1 if relieved else 0
         near.envelope = OF_PRIMITIVES
         return (proof, by_spans)
     if spare >= 0.0:
@@ -205,7 +205,7 @@ def prove_halved(
     near.envelope = OF_PRIMITIVES
     if w.exact_of[i, 1] == 0 and w.exact_of[j, 1] == 0:
         return (proof, by_spans)
-    m.effort[0].beyond_primitives = 1
+    m.effort.beyond_primitives = 1
     exact, by_exact = prove_exact(i, j, w, p)
     if exact == SPENT:
         return (exact, by_spans)
@@ -289,9 +289,9 @@ def look_at_exact(i: int, j: int, w: Workspace, p: Pair) -> float:
         describe_exact(i, a, 0, w, p)
         for b in range(max(w.exact_of[j, 1], 1)):
             describe_exact(j, b, 1, w, p)
-            m.effort[0].tests += 1
+            m.effort.tests += 1
             _, gap, bend = span_gap(WHOLE_PATH, p, m)
-            left = gap - bend - p.need - p.drift * m.span[0].settled
+            left = gap - bend - p.need - p.drift * m.span.settled
             if not left >= 0.0:
                 return -inf
             least = min(least, left)
@@ -340,7 +340,7 @@ def coarse(i: int, v: Watch, m: Motion) -> bool:
     demand more.
     """
     r = robot_of(i, v)
-    if r < 0 or m.span[0].segment != 0:
+    if r < 0 or m.span.segment != 0:
         return False
     brakes = v.phase[r] == BRAKING or v.phase[r] == LOST
     return bool(m.robot_figures[r].mode == SPEED or brakes)

@@ -44,7 +44,7 @@ def refine_pair(i: int, j: int, near: NearRow, w: Workspace) -> None:
     # Key of a side: its link's exact shapes, or the primitive, which is exact.
     key_a = first_a if count_a else -1 - i
     key_b = first_b if count_b else -1 - j
-    line, cycle = w.memo[(key_a * 31 + key_b) % MEMO_SIZE], w.memory[0].cycle
+    line, cycle = w.memo[(key_a * 31 + key_b) % MEMO_SIZE], w.memory.cycle
     if line.cycle != cycle or line.key_a != key_a or line.key_b != key_b:
         measure_parts(i, j, w, line.witness[:])
         w.header.pairs_refined += 1.0

@@ -11,13 +11,13 @@ def update_index(w: Workspace) -> None:
 
     Brute force keeps no structure, so there is nothing to update.
     """
-    if w.settings[0].index_kind == IndexKind.BRUTE_FORCE:
+    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
         return
     counters, out = w.octree.counters[0], w.header
     entered, left = counters.entered, counters.left
     splits, merges = counters.splits, counters.merges
     changed_body = -1
-    for i in range(w.settings[0].moving_count):
+    for i in range(w.settings.moving_count):
         body = w.bodies[i]
         if not w.body_moved[body]:
             continue

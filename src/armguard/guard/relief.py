@@ -49,7 +49,7 @@ def relief_of(
         v: Watch; the deficits of the robots are written.
         m: Motion.
     """
-    if m.span[0].segment != 0:
+    if m.span.segment != 0:
         return 0.0
     robot_i, robot_j = robot_of(i, v), robot_of(j, v)
     measured = spare
@@ -74,7 +74,7 @@ def relief_of(
             if not surely_opens(r, i, j, near, w):
                 return 0.0
             # `relief` includes the travel of an object until `relief_until`.
-            later = max(now_of(v) + m.span[0].settled - v.relief_until[r], 0.0)
+            later = max(now_of(v) + m.span.settled - v.relief_until[r], 0.0)
             most = max(most, v.relief[r] + SINK + object_speed(j, v) * later)
     relief = min(SINK - spare, most)
     if relief > floor and measured + floor >= error_along(i, j, near, w, v, m):
@@ -112,7 +112,7 @@ def surely_opens(r: int, i: int, j: int, near: NearRow, w: Workspace) -> bool:
         w: The workspace.
     """
     v, m = w.watch, w.motion
-    if v.given.commanded == 0.0:
+    if v.given.commanded == 0:
         return False
     pair_row(i, j, near, v.row, w, m)
     closing = 0.0
@@ -137,7 +137,7 @@ def is_driven_nearer(r: int, i: int, j: int, near: NearRow, w: Workspace) -> boo
         w: The workspace.
     """
     v, m = w.watch, w.motion
-    if v.given.commanded == 0.0:
+    if v.given.commanded == 0:
         return True
     pair_row(i, j, near, v.row, w, m)
     first = m.robot_figures[r].first_joint

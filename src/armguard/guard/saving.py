@@ -31,7 +31,6 @@ from armguard.guard.objects import Objects
 from armguard.guard.static_errors import static_errors
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Memory
-from armguard.record import Records
 
 
 @dataclass(slots=True)
@@ -42,7 +41,7 @@ class Saving:
         arrays: The saved arrays, by 'ledger.name'.
         greatest: Greatest values that the rules refer to, by name.
         watch: Watch.
-        memory: What a cycle carries to the next one, shape (1,).
+        memory: What a cycle carries to the next one.
         given: Input of cycles.
         holding: Held objects.
         objects: Objects of the scene.
@@ -53,7 +52,7 @@ class Saving:
     arrays: dict[str, NDArray[Any]]
     greatest: Greatest
     watch: Watch
-    memory: Records[Memory]
+    memory: Memory
     given: CycleInput
     holding: Holding
     objects: Objects
@@ -75,7 +74,7 @@ class Saving:
         Call it between two cycles. The next cycle measures all pairs again, in this
         guard and in the restored one.
         """
-        self.memory[0].measure_all, self.memory[0].kept_count = 1, 0
+        self.memory.measure_all, self.memory.kept_count = 1, 0
         changed = sorted(self.objects.changed)
         about = {
             "last_stamp": float(self.given.last_stamp),
@@ -130,7 +129,7 @@ class Saving:
         stand(index, places, **{name: found[name] for name in where})
         self._renew_static_errors()
         self.holding.grippers.tables_changed()
-        self.memory[0].kept_count = 0
+        self.memory.kept_count = 0
 
     def take_over(self, other: "Saving") -> None:
         """See `Monitor.take_over`."""

@@ -32,13 +32,13 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
     m = w.motion
     rows = clear_header(w)
     plan_segment(start, end, m)
-    w.memory[0].measure_all = 1
+    w.memory.measure_all = 1
     rebuild_world(m.q, asks_index(w), w)
     write_axes(w.T_world, m)
     bound_reaches(NEXT, w.bodies, m)
     bound_reaches(1 - NEXT, w.bodies, m)
     judge_all(w)
-    w.header.spans_tested = m.effort[0].tests
-    m.span[0].segment = 0
-    w.memory[0].measure_all = 1
+    w.header.spans_tested = m.effort.tests
+    m.span.segment = 0
+    w.memory.measure_all = 1
     return rows + int(w.header.near_count) * NEAR_WIDTH

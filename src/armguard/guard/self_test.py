@@ -113,12 +113,12 @@ def untouched(guard: Loop) -> Iterator[None]:
     Meanwhile moving objects count as always seen, and intents are not read: a test
     approach must not open a contract.
     """
-    watch, grips, settings = guard._watch, guard._grips, guard._settings[0]
+    watch, grips, settings = guard._watch, guard._grips, guard._settings
     before = {name: array.copy() for name, array in watch._asdict().items()}
     contracts, may, intents = (
         grips.contracts.copy(),
         grips.may.copy(),
-        settings.intents,
+        int(settings.intents),
     )
     settings.intents = 0
     see_movers(watch)

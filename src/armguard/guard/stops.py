@@ -115,7 +115,7 @@ def follow_stop(r: int, v: Watch, m: Motion) -> int:
     before, now = v.fastest_at[r], v.stamps[r]
     v.fastest_at[r] = now
     unannounced = v.given.now != v.given.now
-    if unannounced and int(v.last.forced) == CYCLE_LATE:
+    if unannounced and v.last.forced == CYCLE_LATE:
         # Stamps alone do not distinguish a pause from a clock that jumped ahead.
         return -1
     first = robot.first_joint
@@ -297,7 +297,7 @@ def set_clocks(v: Watch, m: Motion) -> None:
 def order_stops(v: Watch, m: Motion) -> None:
     """Order the stops that this cycle demands, and release robots that may move."""
     now = now_of(v)
-    forced = int(v.last.forced)
+    forced = v.last.forced
     for r in range(v.phase.shape[0]):
         if m.robot_figures[r].mode == FIXED:
             continue
@@ -320,7 +320,7 @@ def stop_everything(reason: int, v: Watch, m: Motion) -> None:
             first = m.robot_figures[r].first_joint
             for j in range(first, first + m.robot_figures[r].joint_count):
                 # The refused velocity may be true.
-                if v.given.has_velocity != 0.0 and isfinite(v.velocity[j]):
+                if v.given.has_velocity != 0 and isfinite(v.velocity[j]):
                     top = max(v.fastest[j], m.joint_figures[j].velocity)
                     speed = abs(v.velocity[j]) + m.joint_figures[j].velocity_error
                     v.fastest[j] = max(v.fastest[j], min(speed, top))

@@ -23,7 +23,7 @@ HYSTERESIS = 1.25
 
 @record
 class Given:
-    """Input of a cycle; flags are float64, as checkpoints hold them.
+    """Input of a cycle.
 
     Attributes:
         now: Time of the cycle; NaN if it was not given [s].
@@ -33,16 +33,14 @@ class Given:
     """
 
     now: float
-    has_velocity: float
-    commanded: float
-    judged: float
+    has_velocity: int
+    commanded: int
+    judged: int
 
 
 @record
 class LastCycle:
     """Times of the last cycle, and the reason for a stop in this one.
-
-    The reason is float64, as checkpoints hold it.
 
     Attributes:
         now: Time of the last cycle [s].
@@ -52,7 +50,7 @@ class LastCycle:
     """
 
     now: float
-    forced: float
+    forced: int
     unannounced: float
     ordered_at: float
 

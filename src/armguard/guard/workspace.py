@@ -124,7 +124,7 @@ class Workspace(NamedTuple):
         groups: Rule group of each primitive.
         checked: 1 where two groups are checked.
         buffers: Buffer of each pair of groups [m].
-        settings: Settings of the loop, shape (1,).
+        settings: Settings of the loop.
         T_next: Scratch for poses, shape (b, 12).
         T_world: Poses of the last valid cycle, shape (b, 12).
         body_moved: 1 where a body's pose changed, shape (b,).
@@ -132,7 +132,7 @@ class Workspace(NamedTuple):
         candidates: Scratch for ids of primitives, shape (p,).
         seen: Scratch of the index: token of the last query, shape (p,).
         kept: Rows of near pairs of the last valid cycle, shape (k,).
-        memory: What a cycle carries to the next one, shape (1,).
+        memory: What a cycle carries to the next one.
         out: Answer, see `layout`, shape (first row + k · NEAR_WIDTH,).
         header: Its header, in the same memory.
         robots: Its rows of the robots, likewise, shape (r,) or (0,).
@@ -165,7 +165,7 @@ class Workspace(NamedTuple):
     groups: IntVector
     checked: ByteMatrix
     buffers: Matrix
-    settings: Annotated[Records[Settings], 1]
+    settings: Settings
     T_next: Matrix
     T_world: Matrix
     body_moved: ByteVector
@@ -173,7 +173,7 @@ class Workspace(NamedTuple):
     candidates: IntVector
     seen: LongVector
     kept: Annotated[Records[NearRow], 1]
-    memory: Annotated[Records[Memory], 1]
+    memory: Memory
     out: Vector
     header: Header
     robots: Annotated[Records[RobotRow], 1]

@@ -63,7 +63,7 @@ def prove_by_boxes(node: int, wanted: float, p: Pair, m: Motion) -> tuple[int, f
     Returns:
         PROVEN, NEEDED, UNSURE or SPENT, and the headroom or deficit [m].
     """
-    effort, line = m.effort[0], m.box_line[0]
+    effort, line = m.effort, m.box_line[0]
     line.middle, line.half = 0.0, 1.0
     for b in range(m.parent.shape[0]):
         m.box_place[0, b], m.box_part[0, b] = 0.0, 1.0

@@ -42,9 +42,9 @@ def bound_free_way(k: int, m: Motion) -> None:
         k: Index of the time, less than GRID.
         m: The prediction.
     """
-    if m.grid_stamp[k] == m.effort[0].stamp:
+    if m.grid_stamp[k] == m.effort.stamp:
         return
-    m.grid_stamp[k] = m.effort[0].stamp
+    m.grid_stamp[k] = m.effort.stamp
     t = grid_time(k)
     middle, width, spread = m.middle[FREE + k], m.width[FREE + k], m.spread[FREE + k]
     for b in range(m.parent.shape[0]):

@@ -89,17 +89,17 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
     # Intervals that wait, one on each level and one more, and their proven headroom.
     waiting = numba.carray(stack(16), (8, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
-    effort, left, least = m.effort[0], 1, np.inf
+    effort, left, least = m.effort, 1, np.inf
     while left > 0:
         left -= 1
         node, before = int(waiting[left, 0]), waiting[left, 1]
         if effort.tests >= effort.budget:
             return (SPENT, -np.inf)
         effort.tests += 1
-        _, end = span_of(node, m.span[0].horizon)
-        if end >= m.span[0].horizon:
+        _, end = span_of(node, m.span.horizon)
+        if end >= m.span.horizon:
             # Until their swings have ended, moving bodies may still meet the arms.
-            end = m.span[0].settled
+            end = m.span.settled
         wanted = p.need + p.drift * end
         distance, second_order, bend = span_gap(node, p, m)
         spare = second_order - bend - wanted
@@ -109,13 +109,13 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
             spare < LITTLE
             and distance - wanted > spare + GAIN
             and node < SHORT
-            and m.span[0].segment == 0
+            and m.span.segment == 0
             and not is_wide(node, p, m)
         ):
             least = min(least, spare)
             continue
         shortest = not 2 * node < NODES
-        if shortest and (spare != spare or m.span[0].segment != 0):
+        if shortest and (spare != spare or m.span.segment != 0):
             return (NEEDED if not second_order >= wanted else UNSURE, spare)
         if shortest or (not spare >= 0.0 and is_wide(node, p, m)):
             # Halving time would leave as many problems as halves.

@@ -50,7 +50,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
     m, b, n = tables.moving_count, len(tables.parent), len(tables.q_names)
     found = chains(tables)
     depth = found.joints.shape[1]
-    effort = records(1, Effort)
+    effort = records((), Effort)
     effort.budget = budget
     return Motion(
         parent=tables.parent,
@@ -73,7 +73,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         v_high=np.zeros(n),
         driven=np.zeros((PLANS * n, 2)),
         clock=records(PLANS * len(tables.robots), StopClock),
-        span=records(1, PathSpan),
+        span=records((), PathSpan),
         effort=effort,
         up=records(PLANS * n, JointStop),
         down=records(PLANS * n, JointStop),

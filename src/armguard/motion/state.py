@@ -184,8 +184,8 @@ class Motion(NamedTuple):
             each joint may be commanded until a stop takes effect, each of either sign,
             shape (PLANS · n, 2) [rad/s or m/s].
         clock: Delays of each plan and robot, shape (PLANS · r,).
-        span: Ends of the stop path, shape (1,).
-        effort: Work of this cycle, shape (1,).
+        span: Ends of the stop path.
+        effort: Work of this cycle.
         up: Stop of each joint in its positive direction, shape (PLANS · n,).
         down: Stop of each joint in its negative direction, shape (PLANS · n,).
         middle: Middle of the displacements of each body's joint on the path of a plan,
@@ -253,8 +253,8 @@ class Motion(NamedTuple):
     v_high: Vector
     driven: Matrix
     clock: Annotated[Records[StopClock], 1]
-    span: Annotated[Records[PathSpan], 1]
-    effort: Annotated[Records[Effort], 1]
+    span: PathSpan
+    effort: Effort
     up: Annotated[Records[JointStop], 1]
     down: Annotated[Records[JointStop], 1]
     middle: Matrix

@@ -50,9 +50,9 @@ def plan_stops(plan: int, m: Motion) -> None:
         if rest > 0.0 or m.clock[plan * m.robot_figures.shape[0] + r].swings != 0:
             settled = max(settled, max(rest, 0.0) + m.robot_figures[r].settle_time)
     if plan == NEXT:
-        m.effort[0].stamp += 1
-        m.span[0].horizon = horizon
-        m.span[0].settled = max(horizon, settled)
+        m.effort.stamp += 1
+        m.span.horizon = horizon
+        m.span.settled = max(horizon, settled)
     middle, width, spread = m.middle[plan], m.width[plan], m.spread[plan]
     for b in range(m.parent.shape[0]):
         middle[b] = width[b] = spread[b] = 0.0
@@ -147,10 +147,10 @@ def plan_segment(first: Vector, last: Vector, m: Motion) -> None:
         m: The prediction.
     """
     n = m.q.shape[0]
-    m.effort[0].stamp += 1
-    m.effort[0].tests = 0
-    m.span[0].segment = 1
-    m.span[0].horizon = m.span[0].settled = 0.0
+    m.effort.stamp += 1
+    m.effort.tests = 0
+    m.span.segment = 1
+    m.span.horizon = m.span.settled = 0.0
     for j in range(n):
         m.q[j] = 0.5 * (first[j] + last[j])
         m.q_half[j] = 0.5 * (last[j] - first[j])
@@ -212,16 +212,16 @@ def make_node(plan: int, node: int, m: Motion) -> None:
     in [-1, 1] that is common to all joints.
     """
     at = plan * NODES + node
-    if m.node_stamp[at] == m.effort[0].stamp:
+    if m.node_stamp[at] == m.effort.stamp:
         return
-    m.node_stamp[at] = m.effort[0].stamp
-    start, end = span_of(node, m.span[0].horizon)
+    m.node_stamp[at] = m.effort.stamp
+    start, end = span_of(node, m.span.horizon)
     bodies = m.parent.shape[0]
     way, wide, grow = m.node_way[at], m.node_wide[at], m.node_grow[at]
-    if m.span[0].segment != 0:
+    if m.span.segment != 0:
         start, end = span_of(node, 1.0)
     for j in range(m.q.shape[0]):
-        if m.span[0].segment != 0:
+        if m.span.segment != 0:
             middle = m.q_half[j] * (start + end - 1.0)
             half, first, last = m.q_half[j] * (end - start), 0.0, 0.0
         else:

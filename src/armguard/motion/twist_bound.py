@@ -48,7 +48,7 @@ def bound_twists(boxes: Matrix, bodies: IntVector, m: Motion) -> None:
         bodies: Body of each primitive, shape (p,); the moving ones are first.
         m: The prediction; its axes and plans are written already.
     """
-    m.effort[0].at_middle = 0
+    m.effort.at_middle = 0
     for b in range(m.parent.shape[0]):
         write_twists(b, m)
     for i in range(m.reach.shape[1]):
@@ -71,7 +71,7 @@ def place_at_middle(bodies: IntVector, T_world: Matrix, m: Motion) -> None:
         T_world: Measured poses of the bodies, shape (b, 12).
         m: The prediction; its balls are written already.
     """
-    m.effort[0].at_middle = 1
+    m.effort.at_middle = 1
     for j in range(m.q.shape[0]):
         m.q_node[j] = m.q[j]
     for b in range(m.parent.shape[0]):

@@ -112,11 +112,11 @@ def add_approach(
         v: Watch.
         m: Motion.
     """
-    dt = a.loss[0].time
+    dt = a.loss.time
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     at = r * ROWS + a.notes[r].row_count
-    limit = a.loss[0].approach * left
+    limit = a.loss.approach * left
     for j in range(first, end):
         cost = a.raw[j] * a.closing_time[j]
         limit += cost * v.commanded[j]
@@ -144,7 +144,7 @@ def add_holding(
         v: Watch.
         m: Motion.
     """
-    dt = a.loss[0].time
+    dt = a.loss.time
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     at = r * ROWS + a.notes[r].row_count
@@ -155,7 +155,7 @@ def add_holding(
         limit += raw * time * last
         limit -= dt * max(raw * a.missed[j], 0.0)
         a.rows[at, j] = raw * (dt + time)
-    share = a.loss[0].holding * left
+    share = a.loss.holding * left
     passing = limit + max(left, 0.0)
     keep_row(r, first, end, at, limit + share, passing, opens, a)
 

@@ -67,12 +67,12 @@ def respond(a: Response, w: Workspace) -> int:
     v, m = w.watch, w.motion
     hold(a, v, m)
     note_missed(a, v, m)
-    if a.request[0].form == TWISTS:
+    if a.request.form == TWISTS:
         ask_for_tools(a, w, m)
     take_requested(a, v, m)
     lead_robots(a, w)
     s = a.lead
-    if w.settings[0].intents != 0:
+    if w.settings.intents != 0:
         read_intents(a.requested, w)
     look_for_threats(a, w)
     for r in range(a.notes.shape[0]):
@@ -105,12 +105,12 @@ def respond(a: Response, w: Workspace) -> int:
 @kernel
 def take_requested(a: Response, v: Watch, m: Motion) -> None:
     """Check the request, and turn requested positions into velocities."""
-    if a.request[0].form == STANDSTILL:
+    if a.request.form == STANDSTILL:
         for j in range(a.requested.shape[0]):
             a.requested[j] = a.far[j] = 0.0
-        v.last.forced = a.request[0].stop_reason
+        v.last.forced = a.request.stop_reason
         return
-    positions = a.request[0].form == POSITIONS
+    positions = a.request.form == POSITIONS
     wrong = False
     for j in range(a.requested.shape[0]):
         wrong |= not isfinite(a.goal[j] if positions else a.requested[j])
@@ -168,7 +168,7 @@ def finish(judged: int, unsolved: int, a: Response, w: Workspace) -> int:
     note_leads(judged, a, w)
     note_changes(judged, a, v, m)
     write_command(a, v)
-    return int(w.settings[0].first_row) + int(w.header.near_count) * NEAR_WIDTH
+    return int(w.settings.first_row) + int(w.header.near_count) * NEAR_WIDTH
 
 
 @kernel

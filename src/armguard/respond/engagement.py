@@ -58,7 +58,7 @@ def engage(r: int, a: Response, v: Watch, m: Motion) -> bool:
     ordered = wait_if_ordered(r, a, v)
     if wait_if_stopped(r, a, v) or ordered:
         return False
-    if a.request[0].form == POSITIONS:
+    if a.request.form == POSITIONS:
         stand_to_positions(r, a, m)
     else:
         stand_to_velocities(r, a)
@@ -101,8 +101,8 @@ def wait_if_ordered(r: int, a: Response, v: Watch) -> bool:
     """
     notes, phase = a.notes[r], v.phase[r]
     why = 0
-    if a.request[0].form == STANDSTILL:
-        why = a.request[0].stop_reason
+    if a.request.form == STANDSTILL:
+        why = a.request.stop_reason
         if why == Reason.STOP_ORDERED or why == Reason.RESTARTED:
             notes.ordered_stop = why
     if notes.ordered_stop != 0:

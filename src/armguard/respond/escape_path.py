@@ -93,14 +93,14 @@ def judge_way(
     halt = free_until(r, e, w, v, m)
     if halt == inf:
         return worth
-    e.plan[0].halt_at = halt
+    e.plan.halt_at = halt
     return least_gap(r, bound, e, w, v, m)
 
 
 @kernel
 def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
     """Write the times and the greatest closing speed of the motion in `trial`."""
-    plan = e.plan[0]
+    plan = e.plan
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     rise = fall = 0.0
@@ -142,7 +142,7 @@ def stand_on_way(
     r: int, time: float, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> None:
     """Place a robot's primitives where its motion leads until a time [s]."""
-    plan = e.plan[0]
+    plan = e.plan
     t = min(time, plan.halt_at)
     rise, go, fall = plan.rise, plan.brake_at, plan.fall
     early = min(t, plan.delay)
@@ -177,7 +177,7 @@ def least_gap(
     r: int, bound: float, e: Escape, w: Workspace, v: Watch, m: Motion
 ) -> float:
     """Least gap on the planned motion, as `judge_way` returns it [m]."""
-    plan = e.plan[0]
+    plan = e.plan
     least = ENOUGH
     plan.near_at, plan.gap = inf, inf
     time = 0.0
@@ -215,7 +215,7 @@ def gap_to_approaching(
         v: Watch.
         m: Motion.
     """
-    plan, least = e.plan[0], inf
+    plan, least = e.plan, inf
     for c in range(plan.approaching_count):
         j = int(e.approaching[c])
         on = time + time_since(v.seen_at[j], v, m)
@@ -271,7 +271,7 @@ def free_until(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> float:
     Returns:
         The last checked time that is free; infinite if the whole motion is free.
     """
-    plan = e.plan[0]
+    plan = e.plan
     end = plan.delay + plan.brake_at + plan.fall
     last = 0.0
     for k in range(1, POSTURES + 1):
@@ -289,7 +289,7 @@ def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
 
     Obstacles are here the approaching ones.
     """
-    own, other_count = e.plan[0].own_count, e.plan[0].other_count
+    own, other_count = e.plan.own_count, e.plan.other_count
     rows, boxes = w.world.rows, w.world.boxes
     by_index = asks_index(w) != 0
     for k in range(own):
@@ -315,10 +315,10 @@ def found_near(i: int, e: Escape, w: Workspace) -> int:
     for k in range(3):
         w.look_box[k] = e.boxes[i, k] - FOUND_WITHIN
         w.look_box[k + 3] = e.boxes[i, k + 3] + FOUND_WITHIN
-    w.memory[0].token += 1
-    token = w.memory[0].token
+    w.memory.token += 1
+    token = w.memory.token
     found = primitives_in_box(i, w.look_box, w.octree, w.seen, token, w.candidates)
-    e.plan[0].placed += QUERY_COST + found // FOUND_AT_ONCE
+    e.plan.placed += QUERY_COST + found // FOUND_AT_ONCE
     return int(found)
 
 
@@ -327,7 +327,7 @@ def may_be_met(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> bool:
     """Whether a primitive is present, not the robot's own and not approaching it."""
     if robot_of(j, v) == r or w.octree.residency[j].status == ABSENT:
         return False
-    for c in range(e.plan[0].approaching_count):
+    for c in range(e.plan.approaching_count):
         if e.approaching[c] == j:
             return False
     return True

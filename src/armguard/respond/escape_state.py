@@ -109,7 +109,7 @@ class Escape(NamedTuple):
         notes: State of the evasion of each robot, shape (r,).
         memory: Times and gaps of each robot, shape (r,).
         way: Joint velocities of the chosen escape motions, shape (n,) [rad/s or m/s].
-        plan: The judged motion, shape (1,).
+        plan: The judged motion.
         trial: Joint velocities of the judged motion, shape (n,) [rad/s or m/s].
         own: Primitives of the robot, shape (m,).
         approaching: Primitives of approaching obstacles, shape (MOST_APPROACHING,).
@@ -133,7 +133,7 @@ class Escape(NamedTuple):
     notes: Annotated[Records[EscapeNotes], 1]
     memory: Annotated[Records[EscapeMemory], 1]
     way: Vector
-    plan: Annotated[Records[EscapePlan], 1]
+    plan: EscapePlan
     trial: Vector
     own: LongVector
     approaching: LongVector
@@ -161,7 +161,7 @@ def escape_of(tables: SceneTables) -> Escape:
         notes=records(robots, EscapeNotes),
         memory=records(robots, EscapeMemory),
         way=np.zeros(n),
-        plan=records(1, EscapePlan),
+        plan=records((), EscapePlan),
         trial=np.zeros(n),
         own=np.zeros(m, dtype=np.int64),
         approaching=np.zeros(MOST_APPROACHING, dtype=np.int64),

@@ -54,7 +54,7 @@ def look_across(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
 
     The Jacobian is that of the robot's witness point.
     """
-    i, j = e.plan[0].robot_primitive, e.plan[0].obstacle_primitive
+    i, j = e.plan.robot_primitive, e.plan.obstacle_primitive
     speed = speed_of(j, v)
     ahead = (
         v.object_velocity[j, 0] / speed,

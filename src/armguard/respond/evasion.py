@@ -95,7 +95,7 @@ def look_for_threats(a: Response, w: Workspace) -> None:
             continue
         if evades(r, a, e, w, v, m):
             v.evades[r] = 1
-            for c in range(e.plan[0].approaching_count):
+            for c in range(e.plan.approaching_count):
                 v.evaded[e.approaching[c]] |= 1 << r
 
 
@@ -126,9 +126,9 @@ def evades(
     first = m.robot_figures[r].first_joint
     end = first + m.robot_figures[r].joint_count
     look_for_approaching(r, a, e, w, v, m)
-    approaches = e.plan[0].approaching_count > 0
+    approaches = e.plan.approaching_count > 0
     if approaches and is_threatened(r, a, e, w, v, m):
-        left = e.plan[0].near_at / a.settings[r].evade_time
+        left = e.plan.near_at / a.settings[r].evade_time
         look_across(r, e, w, v, m)
         look_for_others(r, e, w, v)
         if notes.evading == 0:
@@ -171,7 +171,7 @@ def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
         proof = near.proof
         if robot_of(i, v) != r or proof == PROVEN or proof == ALLOWED:
             continue
-        for c in range(e.plan[0].approaching_count):
+        for c in range(e.plan.approaching_count):
             if e.approaching[c] == j:
                 return True
     return False
@@ -199,7 +199,7 @@ def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> Sea
     if notes.best_candidate != 0:
         go = write_way(notes.best_candidate - 1, r, share, e, m)
         memory.best_gap = judge_way(r, go, -inf, 1, a, w)
-    e.plan[0].placed = 0
+    e.plan.placed = 0
     for _ in range(ways):
         if memory.best_gap >= CLEAR:
             notes.judged = 0
@@ -207,7 +207,7 @@ def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> Sea
         leads_out = memory.best_gap > 0.0 and notes.judged >= LOOKS_AT
         if leads_out or notes.judged == ways:
             return Search.BEST
-        if e.plan[0].placed > PLACED:
+        if e.plan.placed > PLACED:
             break
         go = write_way(notes.next_candidate, r, share, e, m)
         worth = judge_way(r, go, memory.best_gap, 1, a, w)
@@ -226,11 +226,11 @@ def look_for_approaching(
 
     The robot's own primitives are listed as well.
     """
-    plan, reach, boxes = e.plan[0], e.reach, w.world.boxes
+    plan, reach, boxes = e.plan, e.reach, w.world.boxes
     plan.own_count = plan.approaching_count = 0
     for k in range(3):
         reach[k], reach[k + 3] = inf, -inf
-    for i in range(w.settings[0].moving_count):
+    for i in range(w.settings.moving_count):
         if robot_of(i, v) != r:
             continue
         e.own[plan.own_count] = i
@@ -258,8 +258,8 @@ def look_for_approaching(
         e.approaching[plan.approaching_count] = j
         plan.approaching_count += 1
         horizon = max(horizon, (way / speed + BEHIND) / speed)
-    e.plan[0].horizon = min(horizon, FARTHEST)
-    e.plan[0].present_gap = nan
+    e.plan.horizon = min(horizon, FARTHEST)
+    e.plan.present_gap = nan
 
 
 @kernel
@@ -273,13 +273,13 @@ def is_threatened(
     worth = judge_way(r, REQUEST_TIME, -inf, 0, a, w)
     if e.notes[r].evading != 0:
         return worth < CLEAR
-    return worth < NEAR and e.plan[0].near_at < FORESIGHT * a.settings[r].evade_time
+    return worth < NEAR and e.plan.near_at < FORESIGHT * a.settings[r].evade_time
 
 
 @kernel
 def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
     """List other primitives near a robot, unless the index will be queried."""
-    plan, reach = e.plan[0], e.reach
+    plan, reach = e.plan, e.reach
     plan.other_count = 0
     if asks_index(w) != 0:
         return
@@ -315,13 +315,13 @@ def choose_way(
             best = worth
         else:
             notes.has_motion = 0
-    e.plan[0].placed = 0
+    e.plan.placed = 0
     ways = way_count(r, m)
     # A robot that is far enough aside stays there.
     stays = notes.has_motion == 0 and best >= CLEAR
     wanted = inf if stays else best + BETTER
     for _ in range(ways):
-        if wanted > ENOUGH or e.plan[0].placed > PLACED:
+        if wanted > ENOUGH or e.plan.placed > PLACED:
             break
         go = write_way(notes.next_candidate, r, a.settings[r].evade_speed, e, m)
         worth = judge_way(r, go, wanted, 1, a, w)

@@ -168,7 +168,7 @@ def repel(a: Response, s: Lead, w: Workspace, v: Watch, m: Motion) -> None:
             if s.notes[r].source != Source.FIELD:
                 continue
             # Pairs beyond the margin are not measured, so they do not repel.
-            reach = min(a.settings[r].influence, w.settings[0].margin - need)
+            reach = min(a.settings[r].influence, w.settings.margin - need)
             if spare < reach:
                 repel_by(r, max(spare / reach, 0.0), a, s, m)
     for r in range(s.weight.shape[0]):

@@ -97,7 +97,7 @@ def retreat(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
     if notes.begun == 0:
         s.memory[r].speed = s.memory[r].at_rest = 0.0
     notes.begun = 1
-    if a.request[0].form == VELOCITIES:
+    if a.request.form == VELOCITIES:
         wants = asks(r, a, m)
         if not wants:
             notes.released = 1
@@ -118,7 +118,7 @@ def draws(r: int, a: Response, s: Lead, m: Motion) -> bool:
     notes = s.notes[r]
     if notes.goal == Goal.NONE or notes.suspended != 0:
         return False
-    if a.request[0].form == POSITIONS:
+    if a.request.form == POSITIONS:
         return False
     if asks(r, a, m):
         # The operator moves it, so the path to its goal may change.
@@ -184,5 +184,5 @@ def say_lead(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> None:
         if own.in_minimum != 0:
             notes.blocked = Blocked.LOCAL_MINIMUM
     elif blocked == Blocked.NOT and own.suspended != 0 and notes.requests_motion == 0:
-        if a.request[0].form == VELOCITIES:
+        if a.request.form == VELOCITIES:
             notes.blocked = Blocked.STOPPED

@@ -48,7 +48,7 @@ def spare_at_rest(
     spare = near.distance - static_need(i, j, w, v, m) - m.blur[i]
     if robot_of(j, v) >= 0:
         return float(spare - m.blur[j])
-    return float(spare - object_speed(j, v) * m.span[0].settled)
+    return float(spare - object_speed(j, v) * m.span.settled)
 
 
 @kernel

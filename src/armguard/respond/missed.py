@@ -37,7 +37,7 @@ def note_missed(a: Response, v: Watch, m: Motion) -> None:
             a.missed[j] = 0.0
             continue
         speed = 0.5 * (m.v_low[j] + m.v_high[j])
-        if v.given.has_velocity != 0.0:
+        if v.given.has_velocity != 0:
             # Pending commands already narrow the bounds, so use the measurement.
             speed = v.velocity[j]
         low, high = v.under_way[j, 0], v.under_way[j, 1]

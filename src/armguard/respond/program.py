@@ -94,9 +94,9 @@ def add_pairs(a: Response, w: Workspace) -> None:
         a.notes[r].request_opens = a.notes[r].coupled = 0
         a.notes[r].target_opens = int(a.notes[r].recovers == 0)
     dt = time_passed(v)
-    a.loss[0].time = dt
-    a.loss[0].approach = 1.0 - exp(-dt / APPROACH_TIME)
-    a.loss[0].holding = 1.0 - exp(-dt / HOLDING_TIME)
+    a.loss.time = dt
+    a.loss.approach = 1.0 - exp(-dt / APPROACH_TIME)
+    a.loss.holding = 1.0 - exp(-dt / HOLDING_TIME)
     write_costs(a, v, m)
     if anybody_leaves(a):
         note_ways_out(a, w)
@@ -117,7 +117,7 @@ def write_costs(a: Response, v: Watch, m: Motion) -> None:
     """
     for j in range(a.closing_time.shape[0]):
         figures, last = m.joint_figures[j], abs(v.commanded[j])
-        gain = figures.acceleration * a.loss[0].time
+        gain = figures.acceleration * a.loss.time
         time = time_before_stop(j, int(m.robot_of_joint[j]), m)
         braking = 0.5 * gain / figures.deceleration
         a.closing_time[j] = time + last / figures.deceleration + braking

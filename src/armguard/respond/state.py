@@ -215,7 +215,7 @@ class Response(NamedTuple):
     Attributes:
         settings: Behaviour of each robot, shape (r,).
         notes: State of each robot, shape (r,).
-        request: The request of this cycle, shape (1,).
+        request: The request of this cycle.
         twists: Requested twists of tools, shape (MOST_TWISTS,).
         tool_columns: Scratch for tool Jacobians, shape (n, 6 MOST_TWISTS).
         tool_square: Scratch for linear equations, see `joint_velocities`.
@@ -238,7 +238,7 @@ class Response(NamedTuple):
         away: Joint motion that leads away from approaching obstacles, shape (n,).
         ways_out: Escape direction of each joint in a recovery, see EITHER_WAY, (n,).
         speed: Share of its top speeds that each robot may use, shape (r,) [-].
-        loss: Greatest loss of headroom in this cycle, shape (1,).
+        loss: Greatest loss of headroom in this cycle.
         closing_time: Time until rest for which a velocity of each joint counts that
             closes a pair, shape (n,) [s].
         opening_time: Time until rest for which a velocity of each joint counts that
@@ -259,7 +259,7 @@ class Response(NamedTuple):
 
     settings: Annotated[Records[Behaviour], 1]
     notes: Annotated[Records[RobotNotes], 1]
-    request: Annotated[Records[Request], 1]
+    request: Request
     twists: Annotated[Records[ToolTwist], 1]
     tool_columns: Matrix
     tool_square: Matrix
@@ -279,7 +279,7 @@ class Response(NamedTuple):
     away: Vector
     ways_out: LongVector
     speed: Vector
-    loss: Annotated[Records[HeadroomLoss], 1]
+    loss: HeadroomLoss
     closing_time: Vector
     opening_time: Vector
     program: Vector
@@ -311,7 +311,7 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
     return Response(
         settings=behaviours(tables),
         notes=records(robots, RobotNotes),
-        request=records(1, Request),
+        request=records((), Request),
         twists=records(MOST_TWISTS, ToolTwist),
         tool_columns=np.zeros((n, 6 * MOST_TWISTS)),
         tool_square=np.zeros((6 * MOST_TWISTS, 6 * MOST_TWISTS + 1)),
@@ -331,7 +331,7 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
         away=np.zeros(n),
         ways_out=np.zeros(n, dtype=np.int64),
         speed=np.zeros(robots),
-        loss=records(1, HeadroomLoss),
+        loss=records((), HeadroomLoss),
         closing_time=np.zeros(n),
         opening_time=np.zeros(n),
         program=np.zeros(n * n + ROWS * n + 3 * (ROWS + n) + 2 * n),

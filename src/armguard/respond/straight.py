@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 @kernel(inline=False)
 def reaches_anything(w: Workspace) -> bool:
     """Whether any contract is in force; else no pair has to be checked for one."""
-    if w.settings[0].intents == 0:
+    if w.settings.intents == 0:
         return False
     h = w.grips
     for k in range(h.contracts.shape[0]):

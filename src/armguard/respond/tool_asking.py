@@ -25,7 +25,7 @@ def ask_for_tools(a: Response, w: Workspace, m: Motion) -> None:
         first = m.robot_figures[r].first_joint
         end = first + m.robot_figures[r].joint_count
         size = 0
-        for t in range(a.request[0].twist_count):
+        for t in range(a.request.twist_count):
             requested = a.twists[t]
             if requested.robot != r:
                 continue

@@ -114,16 +114,16 @@ def command_measured(q: Floats, a: Response) -> None:
 @kernel
 def take_desired(form: int, desired: Floats, a: Response) -> None:
     """Write the request to the arrays that the cycle reads."""
-    a.request[0].form = form
+    a.request.form = form
     if form == STANDSTILL:
         # Any other value counts as the first reason of an ordered stop.
         known = desired.shape[0] == 1 and FIRST_ORDERED <= desired[0] <= LAST_ORDERED
-        a.request[0].stop_reason = int(desired[0]) if known else FIRST_ORDERED
+        a.request.stop_reason = int(desired[0]) if known else FIRST_ORDERED
         return
     count = desired.shape[0] // TWIST_ROW
     whole = count * TWIST_ROW == desired.shape[0] and count <= a.twists.shape[0]
     if form == TWISTS and whole:
-        a.request[0].twist_count = count
+        a.request.twist_count = count
         for k in range(count):
             row = desired[k * TWIST_ROW : (k + 1) * TWIST_ROW]
             twist = a.twists[k]
@@ -134,7 +134,7 @@ def take_desired(form: int, desired: Floats, a: Response) -> None:
                 twist.twist[i] = row[TOOL_TWIST + i]
         return
     if form == TWISTS:
-        a.request[0].form = VELOCITIES
+        a.request.form = VELOCITIES
     into = a.goal if form == POSITIONS else a.requested
     whole = form != TWISTS and desired.shape[0] == into.shape[0]
     for j in range(into.shape[0]):
