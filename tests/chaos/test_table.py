@@ -42,15 +42,15 @@ def test_every_fault_is_answered_as_declared(patient_bay):
     assert [row["fault"] for row in rows] == [fault.name for fault in FAULTS]
     assert not [row for row in rows if row["status"] == "FAIL"]
     assert run.returncode == 0
-    # What stops is told why, and nothing is passed over but for want of a part.
+    # Faults are skipped only for want of a part.
     assert all("started no" in row["skipped"] for row in rows if row["skipped"])
 
 
-def test_rows_are_told_apart_and_declare_what_can_be_observed():
+def test_rows_differ_and_declare_what_can_be_observed():
     names = [(fault.group, fault.name) for fault in FAULTS]
     assert len(set(names)) == len(names)
     for fault in FAULTS:
-        if fault.effect in (Effect.STOPS, Effect.TOLD_ONLY):
+        if fault.effect in (Effect.STOPS, Effect.REPORTED_ONLY):
             assert fault.reasons and fault.within
         if fault.effect is Effect.GOES_ON:
             assert not fault.reasons

@@ -13,7 +13,7 @@ from armguard.respond import Action
 from armguard.respond.command import DRIVEN
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.service.desk.desk import OUTCOMES
-from armguard.service.desk.taking import take_state, take_wish
+from armguard.service.desk.taking import take_desired_motion, take_state
 from armguard.service.server import ServiceSettings
 from armguard.service.server.judge import Judge
 from armguard.service.wire import Cause, Form
@@ -54,9 +54,9 @@ class Bench:
         arrival.sender, arrival.sequence = sender, sequence
         arrival.token, arrival.watchdog = token, 10**9
         outcome = OUTCOMES[taker(self.judge.lines)]
-        if outcome or taker is take_wish or not arrival.has_wish:
+        if outcome or taker is take_desired_motion or not arrival.has_desired:
             return outcome, None
-        return outcome, OUTCOMES[arrival.wish_outcome]
+        return outcome, OUTCOMES[arrival.desired_outcome]
 
 
 @pytest.fixture
@@ -139,10 +139,10 @@ def test_wishes_are_taken_over_or_dropped_by_name(bench):
     values = np.random.default_rng(1).normal(size=N)
 
     def take(payload, token=SHOWN):
-        return bench.take(payload, take_wish, token=token)[0]
+        return bench.take(payload, take_desired_motion, token=token)[0]
 
     assert take(wish_of(values)) == ""
-    assert desk.wish.tobytes() == values.tobytes()
+    assert desk.desired.tobytes() == values.tobytes()
     twist = [1.0, *range(6)]
     for payload, outcome in (
         (b"", "payload"),
@@ -160,7 +160,7 @@ def test_wishes_are_taken_over_or_dropped_by_name(bench):
         (wish_of(9 * twist, Form.TWISTS), "joints"),
     ):
         assert take(payload) == outcome, (payload, outcome)
-        assert desk.wish.tobytes() == values.tobytes()
+        assert desk.desired.tobytes() == values.tobytes()
     assert take(wish_of(values), token=0) == "not_commander"
     # In a state, a wish that is none does not keep what was measured from counting.
     measured = np.full(N, 0.25)

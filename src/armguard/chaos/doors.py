@@ -17,7 +17,7 @@ START = 120.0
 # How long an answer of the page is waited for [s].
 ANSWER = 2.0
 
-# Sockets that are asked for, and commands that are forged.
+# Requested sockets, and forged commands.
 TRIES = 20
 
 # Asks for a socket of the page, as a page of another site does.

@@ -1,4 +1,4 @@
-"""A fault: what is done, and what is declared to happen then."""
+"""A fault: its injection, and what is declared to happen then."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -25,12 +25,12 @@ class Effect(Enum):
     STOPS_ITSELF = "stops by itself"
     """They hear nothing, and stop by their own watchdog; then as `STOPS`."""
 
-    TOLD_ONLY = "is ordered to stop"
+    REPORTED_ONLY = "is ordered to stop"
     """The guard stops all of them, and no controller is there to do so."""
 
 
 # Does something to a playground for as long as the context lasts.
-Inject = Callable[["Playground"], AbstractContextManager[None]]
+Injection = Callable[["Playground"], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,17 +42,17 @@ class Fault:
         group: Part of the table.
         inject: Does it.
         effect: What is declared to happen.
-        reasons: Names of reasons and causes one of which is told first; of what is not
-            told to stop, none.
-        within: Names of the delays that add up to the longest time until arms are told
-            to stop, or stop by themselves, see `Playground.delay`.
+        reasons: Names of reasons and causes one of which is reported first; none where
+            no stop is reported.
+        within: Names of the delays that add up to the longest time until a stop is
+            reported, or arms stop by themselves, see `Playground.delay`.
         counts: Counters of the service one of which rises.
         hold: How long it lasts [s].
     """
 
     name: str
     group: str
-    inject: Inject
+    inject: Injection
     effect: Effect
     reasons: tuple[str, ...] = ()
     within: tuple[str, ...] = ()
@@ -75,7 +75,7 @@ class Outcome:
         unsafe: Whether something is wrong that no late machine explains.
         waited: The longest wait of a thread for a processor, see
             `Playground.waited` [s].
-        told: From the fault until arms were told to stop; NaN if never [s].
+        reported: From the fault until a stop was reported; NaN if never [s].
         rested: From the fault until all arms rested; NaN if not seen [s].
     """
 
@@ -87,7 +87,7 @@ class Outcome:
     reason: str = ""
     unsafe: bool = False
     waited: float = 0.0
-    told: float = float("nan")
+    reported: float = float("nan")
     rested: float = float("nan")
 
 

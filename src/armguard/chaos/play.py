@@ -9,7 +9,7 @@ from armguard.chaos.fault import Effect, Fault, Outcome, Unplayable
 from armguard.chaos.playground import Playground
 from armguard.errors import ArmguardError
 
-# A machine that was late by itself, which these tell, is given so many tries.
+# A machine that was late by itself, which these reasons show, is given so many tries.
 TRIES = 4
 LATE = ("CYCLE_LATE", "STATE_STALE", "DEADLINE_MISSED", "SERVICE_SILENT")
 
@@ -82,8 +82,8 @@ def came_to_rest(ground: Playground, fault: Fault) -> bool:
     return ground.rests(row) and (fault.effect is Effect.RESTS or ground.held(row))
 
 
-def first_told(ground: Playground) -> tuple[float, str]:
-    """When arms were first told to stop since a fault began, and why; inf if never."""
+def first_report(ground: Playground) -> tuple[float, str]:
+    """When a stop was first reported since a fault began, and why; inf if never."""
     for answer in ground.answers:
         if answer.stops and answer.sent >= ground.began:
             return answer.sent - ground.began, answer.reason.name
@@ -92,34 +92,34 @@ def first_told(ground: Playground) -> tuple[float, str]:
 
 def judge(ground: Playground, fault: Fault) -> Outcome:
     """What happened beside what is declared."""
-    told, reason = first_told(ground)
-    told_by = sum(ground.delay(name) for name in fault.within) + ground.slack
+    reported, reason = first_report(ground)
+    reported_by = sum(ground.delay(name) for name in fault.within) + ground.slack
     rested = rest_time(ground, fault)
-    rest_by = told_by + ground.stopping_time
+    rest_by = reported_by + ground.stopping_time
     wrong, unsafe = [], []
     words = []
     if fault.effect is Effect.GOES_ON:
-        words.append("goes on" if told == inf else f"{reason} after {ms(told)}")
-        if told < inf:
+        words.append("goes on" if reported == inf else f"{reason} after {ms(reported)}")
+        if reported < inf:
             wrong.append("a stop was reported")
         elif not ground.truth or ground.rests(ground.truth[-1]):
             wrong.append("arms rest")
     elif fault.effect is Effect.RESTS:
         causes = {answer.cause.name for answer in ground.answers}
         words.append(f"rests after {ms(rested)}")
-        if told < inf:
-            words.append(f"{reason} after {ms(told)}")
+        if reported < inf:
+            words.append(f"{reason} after {ms(reported)}")
             wrong.append("a stop was reported")
         if fault.reasons and not causes & set(fault.reasons):
             wrong.append("the answer does not say " + " or ".join(fault.reasons))
         if not rested <= rest_by:
             wrong.append(f"not at rest within {ms(rest_by)}")
     else:
-        if told < inf:
-            words.append(f"{reason} after {ms(told)}")
+        if reported < inf:
+            words.append(f"{reason} after {ms(reported)}")
         if fault.effect is not Effect.STOPS_ITSELF:
-            if not told <= told_by:
-                wrong.append(f"not reported within {ms(told_by)}")
+            if not reported <= reported_by:
+                wrong.append(f"not reported within {ms(reported_by)}")
         if fault.reasons and reason not in fault.reasons:
             wrong.append(f"reported {reason or 'nothing'}")
         if fault.effect in HELD:
@@ -143,7 +143,7 @@ def judge(ground: Playground, fault: Fault) -> Outcome:
         reason=reason,
         unsafe=bool(unsafe),
         waited=ground.waited(),
-        told=told if told < inf else nan,
+        reported=reported if reported < inf else nan,
         rested=rested,
     )
 

@@ -1,4 +1,4 @@
-"""A running guard to play faults against, and who watches it from all sides."""
+"""A running guard to play faults against, and its observers."""
 
 import os
 import signal
@@ -45,7 +45,7 @@ class Playground:
         scene: The scene.
         began: When the last fault began, monotonic [s].
         before: What the service had counted then.
-        answers: What the observer was told since the last fault began.
+        answers: What the observer has received since the last fault began.
         truth: What the arms really did since then, rows of time, whether each arm is
             held, positions and velocities.
         least: Least distance of the nearest pair so far [m].
@@ -58,7 +58,7 @@ class Playground:
         options: Further arguments of the service.
         rate: Its rate [Hz].
         late: How late a cycle may come [s].
-        slack: What a machine that has other things to do may add to any time [s].
+        slack: Delay that other work of the machine may add to any time [s].
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Playground:
 
     @property
     def relay(self) -> Relay:
-        """What stands between the service and arms and operator."""
+        """The relay between the service and arms and operator."""
         assert self._relay is not None, "nothing was started yet"
         return self._relay
 
@@ -118,7 +118,7 @@ class Playground:
         """Start everything.
 
         Args:
-            launch: How Python is told to run the command line, see `Stage`.
+            launch: Arguments with which Python runs the command line, see `Stage`.
             options: Further arguments of the service, this time.
         """
         self.stage.options = (*self._options, *options)
@@ -150,7 +150,7 @@ class Playground:
         raise StationError("the simulated arms do not start")
 
     def start_operator(self) -> None:
-        """Start who has the arms sway."""
+        """Start the operator, which makes the arms sway."""
         self.stage.start_operator(self.relay.port)
 
     def close(self) -> None:
@@ -179,7 +179,7 @@ class Playground:
                     return
                 continue
             calm_since = np.inf
-            # Who has not come to command yet has no button to press.
+            # An operator without the command cannot engage.
             if now >= engage_at and self.answers and self.answers[-1].commander:
                 engage_at = now + ENGAGES
                 self._engage()
@@ -220,7 +220,7 @@ class Playground:
             self.watch(LOOK)
 
     def watch(self, seconds: float) -> None:
-        """Take in what is told and what happens for some time, what is there if 0."""
+        """Keep answers and states of arms for some time; what is there if 0."""
         end, left = time.monotonic() + seconds, seconds
         while True:
             wait = min(max(left, 0.0), LOOK)
@@ -262,7 +262,7 @@ class Playground:
             "stale": lambda: stale,
             # As long as a joint is led along by 80 ms of commands.
             "hangs": lambda: 0.2,
-            "wish": lambda: 0.1,
+            "desired": lambda: 0.1,
             "client": lambda: 0.1,
             "commander": lambda: 0.5,
             "pause": lambda: 0.5,
@@ -309,7 +309,7 @@ class Playground:
         self._waits, self._looked = now, time.monotonic()
 
     def _engage(self) -> None:
-        """Have the operator press his button."""
+        """Have the operator engage all arms."""
         self.stage.crew.send("operator", signal.SIGUSR1)
 
     def _listen_again(self) -> None:
@@ -321,6 +321,6 @@ class Playground:
         return self.answers[-1].sentence
 
     def _new_stage(self) -> tuple[Stage, Client]:
-        """A stage where nothing has been started, and who will observe it."""
+        """A stage where nothing has been started, and its observer."""
         stage = Stage(self._what, log=self._log)
         return stage, Client(stage.port, name="observer")

@@ -46,7 +46,7 @@ def honest(message: bytes, up: bool) -> Sequence[tuple[float, bytes]]:
 
 
 class Relay:
-    """Stands between clients and a service, as a thread.
+    """Relays messages between clients and a service, as a thread.
 
     Attributes:
         port: Where clients find it.
@@ -121,7 +121,7 @@ class Relay:
                 else:
                     self._front.sendto(one.message, one.client)
             except OSError:
-                # As on any network: nobody hears that it is lost.
+                # As on any network: a loss is not reported.
                 continue
 
     def _back(self, client: tuple[str, int]) -> socket.socket:

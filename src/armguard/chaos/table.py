@@ -1,21 +1,22 @@
-"""All faults, a row each: what is done, and what is declared to happen.
+"""All faults, a row each: the injection, and what is declared to happen.
 
-`armguard chaos` prints this table, tests play every row of it, and docs/chaos.md tells
+`armguard chaos` prints this table, tests play every row of it, and docs/chaos.md has
 it.
 """
 
 from collections.abc import Callable
 
-from armguard.chaos import doings, doors, tampering
-from armguard.chaos.doings import Doing, tampered
-from armguard.chaos.fault import Effect, Fault
+from armguard.chaos import doors, injections, tampering
+from armguard.chaos.fault import Effect, Fault, Injection
+from armguard.chaos.injections import tampered
 from armguard.chaos.playground import Playground
-from armguard.chaos.tampering import COMMANDS, STATES, WISHES, on, rewritten
+from armguard.chaos.tampering import COMMANDS, DESIRED, STATES, on, rewritten
 from armguard.geometry.pose import Pose
 from armguard.service.wire import Kind, Seal
 
 GOES_ON, RESTS = Effect.GOES_ON, Effect.RESTS
-STOPS, STOPS_ITSELF, TOLD_ONLY = Effect.STOPS, Effect.STOPS_ITSELF, Effect.TOLD_ONLY
+STOPS, STOPS_ITSELF = Effect.STOPS, Effect.STOPS_ITSELF
+REPORTED_ONLY = Effect.REPORTED_ONLY
 
 # How the guard says that no state came: by its age, or by the cycle that waited for it.
 NO_STATE = ("STATE_STALE", "CYCLE_LATE")
@@ -28,17 +29,19 @@ CONTRADICTS = ("STATE_DISAGREES", "NOT_FOLLOWED")
 HELD_UP = ("CYCLE_LATE", "DEADLINE_MISSED", "STATE_STALE", "STOP_ORDERED")
 
 
-def states(change: Callable[[bytes], tampering.Handed]) -> Doing:
+def states(change: Callable[[bytes], tampering.Handed]) -> Injection:
     """Something is done to the messages of the controller."""
     return tampered(lambda _: on(STATES, change))
 
 
-def edited(edit: Callable[[bytearray], None]) -> Doing:
+def edited(edit: Callable[[bytearray], None]) -> Injection:
     """The controller says something else, well sealed."""
     return tampered(lambda ground: on(STATES, rewritten(ground.seal, edit)))
 
 
-def fresh(make: Callable[[Playground], Callable[[bytes], tampering.Handed]]) -> Doing:
+def fresh(
+    make: Callable[[Playground], Callable[[bytes], tampering.Handed]],
+) -> Injection:
     """As `states`, made anew each time it is played."""
     return tampered(lambda ground: on(STATES, make(ground)))
 
@@ -192,99 +195,99 @@ FAULTS: tuple[Fault, ...] = (
     ),
     Fault(
         name="a second controller", group=CONTENT, effect=GOES_ON,
-        counts=("dropped_second_controller",), inject=doings.second_controller,
+        counts=("dropped_second_controller",), inject=injections.second_controller,
     ),
     Fault(
         name="desired motion is lost", group=COMMANDER, effect=RESTS,
-        reasons=("WISH_OLD",), within=("wish", "cycle"),
-        inject=tampered(lambda _: on(WISHES, tampering.lost)),
+        reasons=("WISH_OLD",), within=("desired", "cycle"),
+        inject=tampered(lambda _: on(DESIRED, tampering.lost)),
     ),
     Fault(
         name="desired motion is NaN", group=COMMANDER, effect=RESTS,
-        reasons=("NO_WISH", "WISH_OLD"), within=("wish", "cycle"),
+        reasons=("NO_WISH", "WISH_OLD"), within=("desired", "cycle"),
         counts=("dropped_wish_not_finite",),
         inject=tampered(
-            lambda g: on(WISHES, rewritten(g.seal, tampering.nan_wish))
+            lambda g: on(DESIRED, rewritten(g.seal, tampering.nan_desired))
         ),
     ),
     Fault(
         name="desired motion is 300 ms late", group=COMMANDER, effect=RESTS,
-        reasons=("WISH_OLD", "NO_WISH"), within=("wish", "cycle"), hold=0.6,
+        reasons=("WISH_OLD", "NO_WISH"), within=("desired", "cycle"), hold=0.6,
         counts=("dropped_wish_late",),
         inject=tampered(lambda _: on(COMMANDS, tampering.late(0.3))),
     ),
     Fault(
         name="desired motion is 2 s late", group=COMMANDER, effect=RESTS,
-        reasons=("WISH_OLD", "NO_WISH"), within=("wish", "cycle"), hold=2.3,
+        reasons=("WISH_OLD", "NO_WISH"), within=("desired", "cycle"), hold=2.3,
         counts=("dropped_wish_late",),
         inject=tampered(lambda _: on(COMMANDS, tampering.late(2.0))),
     ),
     Fault(
         name="a second commander", group=COMMANDER, effect=GOES_ON,
         counts=("claims_refused", "dropped_not_commander"),
-        inject=doings.second_commander,
+        inject=injections.second_commander,
     ),
     Fault(
         name="the commander is killed", group=COMMANDER, effect=RESTS, hold=0.8,
-        reasons=("WISH_OLD", "NO_COMMANDER"), within=("wish", "cycle"),
-        counts=("commander_lost",), inject=doings.killed("operator"),
+        reasons=("WISH_OLD", "NO_COMMANDER"), within=("desired", "cycle"),
+        counts=("commander_lost",), inject=injections.killed("operator"),
     ),
     Fault(
         name="the commander is paused", group=COMMANDER, effect=RESTS,
-        reasons=("WISH_OLD", "NO_COMMANDER"), within=("wish", "cycle"),
-        inject=doings.paused("operator"),
+        reasons=("WISH_OLD", "NO_COMMANDER"), within=("desired", "cycle"),
+        inject=injections.paused("operator"),
     ),
     Fault(
         name="an observer orders a stop", group=COMMANDER, hold=1.0, effect=STOPS,
         reasons=("STOP_ORDERED",), within=("cycle",), counts=("stop_orders",),
-        inject=doings.stop_ordered,
+        inject=injections.stop_ordered,
     ),
     Fault(
         name="an observer commands", group=STRANGERS, effect=GOES_ON,
-        counts=("dropped_role",), inject=doings.observer_commands,
+        counts=("dropped_role",), inject=injections.observer_commands,
     ),
     Fault(
         name="a client without a key", group=STRANGERS, effect=GOES_ON,
-        counts=("dropped_seal",), inject=doings.without_key,
+        counts=("dropped_seal",), inject=injections.without_key,
     ),
     Fault(
         name="a hello is replayed", group=STRANGERS, effect=GOES_ON,
-        counts=("dropped_challenge",), inject=doings.hello_replayed,
+        counts=("dropped_challenge",), inject=injections.hello_replayed,
     ),
     Fault(
         name="fixtures are removed with every key", group=STRANGERS, effect=GOES_ON,
-        counts=("calls_refused",), inject=doings.fixtures_removed,
+        counts=("calls_refused",), inject=injections.fixtures_removed,
     ),
     Fault(
         name="a sensor places an object", group=STRANGERS, effect=GOES_ON,
-        inject=doings.object_placed,
+        inject=injections.object_placed,
     ),
     Fault(
         name="an object is seen where it cannot be", group=STRANGERS, effect=STOPS,
         reasons=("OBJECT_JUMPED",), within=("cycle",),
-        inject=doings.wrongly_seen(
-            lambda first: {"pose": Pose(xyz=doings.FARTHER), "stamp": first + 1e-3},
+        inject=injections.wrongly_seen(
+            lambda first: {"pose": Pose(xyz=injections.FARTHER), "stamp": first + 1e-3},
             "OBJECT_JUMPED",
         ),
     ),
     Fault(
         name="an object is seen in two places at once", group=STRANGERS,
         effect=STOPS, reasons=("OBJECT_REPEATED",), within=("cycle",),
-        inject=doings.wrongly_seen(
-            lambda _: {"pose": Pose(xyz=doings.FARTHER)}, "OBJECT_REPEATED"
+        inject=injections.wrongly_seen(
+            lambda _: {"pose": Pose(xyz=injections.FARTHER)}, "OBJECT_REPEATED"
         ),
     ),
     Fault(
         name="sightings go back", group=STRANGERS, effect=STOPS,
         reasons=("OBJECT_BACKWARDS",), within=("cycle",),
-        inject=doings.wrongly_seen(
+        inject=injections.wrongly_seen(
             lambda first: {"stamp": first - 0.1}, "OBJECT_BACKWARDS"
         ),
     ),
     Fault(
         name="an object is seen to be too fast", group=STRANGERS, effect=STOPS,
         reasons=("OBJECT_TOO_FAST",), within=("cycle",),
-        inject=doings.wrongly_seen(
+        inject=injections.wrongly_seen(
             lambda first: {"stamp": first + 1e-3, "velocity": [100.0, 0.0, 0.0]},
             "OBJECT_TOO_FAST",
         ),
@@ -292,7 +295,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(
         name="a sighting is NaN", group=STRANGERS, effect=STOPS,
         reasons=("OBJECT_NOT_FINITE",), within=("cycle",),
-        inject=doings.wrongly_seen(
+        inject=injections.wrongly_seen(
             lambda first: {"stamp": first + 1e-3, "velocity": [float("nan")] * 3},
             "OBJECT_NOT_FINITE",
         ),
@@ -300,17 +303,17 @@ FAULTS: tuple[Fault, ...] = (
     Fault(
         name="a sighting is from the future", group=STRANGERS, effect=GOES_ON,
         counts=("calls_refused",),
-        inject=doings.wrongly_seen(
+        inject=injections.wrongly_seen(
             lambda first: {"stamp": first + 10.0}, "OBJECT_AHEAD"
         ),
     ),
     Fault(
         name="a flood of calls", group=STRANGERS, effect=GOES_ON,
-        counts=("dropped_busy",), inject=doings.calls_flood,
+        counts=("dropped_busy",), inject=injections.calls_flood,
     ),
     Fault(
         name="200 clients come and go", group=STRANGERS, effect=GOES_ON,
-        counts=("hellos",), inject=doings.clients_come_and_go,
+        counts=("hellos",), inject=injections.clients_come_and_go,
     ),
     Fault(
         name="all answers are lost", group=ANSWERS, effect=STOPS_ITSELF,
@@ -330,11 +333,11 @@ FAULTS: tuple[Fault, ...] = (
     ),
     Fault(
         name="ten readers that never read", group=ANSWERS, effect=GOES_ON, hold=1.0,
-        inject=doings.slow_readers,
+        inject=injections.slow_readers,
     ),
     Fault(
         name="noise on the port", group=ANSWERS, effect=GOES_ON,
-        counts=("dropped_too_short", "dropped_magic"), inject=doings.flooded,
+        counts=("dropped_too_short", "dropped_magic"), inject=injections.flooded,
     ),
     Fault(
         name="a page of another site", group=DOORS, effect=GOES_ON,
@@ -349,49 +352,49 @@ FAULTS: tuple[Fault, ...] = (
         inject=doors.hostile_scenes,
     ),
     Fault(
-        name="the controller is killed", group=PROCESSES, effect=TOLD_ONLY,
-        reasons=NO_STATE, within=WITHIN_STALE, inject=doings.killed("arms"),
+        name="the controller is killed", group=PROCESSES, effect=REPORTED_ONLY,
+        reasons=NO_STATE, within=WITHIN_STALE, inject=injections.killed("arms"),
     ),
     Fault(
-        name="the controller is paused", group=PROCESSES, effect=TOLD_ONLY,
-        reasons=NO_STATE, within=WITHIN_STALE, inject=doings.paused("arms"),
+        name="the controller is paused", group=PROCESSES, effect=REPORTED_ONLY,
+        reasons=NO_STATE, within=WITHIN_STALE, inject=injections.paused("arms"),
     ),
     Fault(
         name="the service is killed", group=PROCESSES, effect=STOPS_ITSELF,
-        within=("client",), inject=doings.killed("service"),
+        within=("client",), inject=injections.killed("service"),
     ),
     Fault(
         name="the service is killed and back at once", group=PROCESSES,
         effect=STOPS_ITSELF, within=("client",), hold=1.0,
-        inject=doings.killed_and_back,
+        inject=injections.killed_and_back,
     ),
     Fault(
         name="the service is paused", group=PROCESSES, effect=STOPS_ITSELF,
         reasons=HELD_UP, within=("client",), hold=0.5,
-        inject=doings.paused("service"),
+        inject=injections.paused("service"),
     ),
     Fault(
         name="the service is ended", group=PROCESSES, effect=STOPS,
-        reasons=("SHUTDOWN",), within=("cycle",), inject=doings.ended,
+        reasons=("SHUTDOWN",), within=("cycle",), inject=injections.ended,
     ),
     Fault(
         name="its port is taken", group=PROCESSES, effect=GOES_ON,
-        inject=doings.port_taken,
+        inject=injections.port_taken,
     ),
     Fault(
         name="the wall clock is set back", group=PROCESSES, effect=GOES_ON,
-        inject=doings.wall_clock_set_back,
+        inject=injections.wall_clock_set_back,
     ),
     Fault(
         name="the recorder is killed, and started again", group=PROCESSES,
         effect=GOES_ON, hold=2.0, counts=("companions_restarted",),
-        inject=doings.companion_killed(
+        inject=injections.companion_killed(
             "recorder", "armguard.recording", ("--record", "{folder}/record")
         ),
     ),
     Fault(
         name="the view is killed", group=PROCESSES, effect=GOES_ON, hold=0.6,
         counts=("companions_ended",),
-        inject=doings.companion_killed("view", "armguard.view", ("--view",)),
+        inject=injections.companion_killed("view", "armguard.view", ("--view",)),
     ),
 )  # fmt: skip

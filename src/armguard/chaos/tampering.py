@@ -10,7 +10,7 @@ from armguard.service.wire.layout import HEADER, SEAL, STATE, WISH
 
 Handed = Sequence[tuple[float, bytes]]
 
-# Changes a message where it stands.
+# Changes a message in place.
 Edit = Callable[[bytearray], None]
 
 # Where fields of a message's head are, and a STATE's stamp and its first position.
@@ -19,9 +19,9 @@ STAMP_AT = HEADER.size + 8
 POSITIONS_AT = HEADER.size + STATE.size
 
 STATES = (Kind.STATE,)
-WISHES = (Kind.WISH,)
+DESIRED = (Kind.WISH,)
 # All that a commander sends.
-COMMANDS = (*WISHES, Kind.CLAIM, Kind.CALL, Kind.HEARTBEAT)
+COMMANDS = (*DESIRED, Kind.CLAIM, Kind.CALL, Kind.HEARTBEAT)
 
 
 def kind_of(message: bytes) -> int:
@@ -126,7 +126,7 @@ def spliced() -> Callable[[bytes], Handed]:
 
 
 def rewritten(seal: Seal, edit: Edit) -> Callable[[bytes], Handed]:
-    """Each says something else, and is sealed as if its sender had meant it."""
+    """Each says something else, and is sealed as by its sender."""
 
     def change(message: bytes) -> Handed:
         other = bytearray(message)
@@ -150,7 +150,7 @@ def only_the_first() -> Callable[[bytes], Handed]:
 
 
 def joint_missing(seal: Seal) -> Callable[[bytes], Handed]:
-    """Each lacks its last number, and tells the length it has."""
+    """Each lacks its last number, and declares the length it has."""
 
     def change(message: bytes) -> Handed:
         other = bytearray(message[: -SEAL - 8] + bytes(SEAL))
@@ -166,12 +166,12 @@ def as_it_is(message: bytearray) -> None:
 
 
 def put_first(value: float) -> Edit:
-    """Have a STATE tell another first position [rad or m]."""
+    """Have a STATE report another first position [rad or m]."""
     return lambda message: pack_into("<d", message, POSITIONS_AT, value)
 
 
 def shift_first(by: float) -> Edit:
-    """Have a STATE tell a first position that is farther by so much [rad or m]."""
+    """Have a STATE report a first position that is farther by so much [rad or m]."""
 
     def edit(message: bytearray) -> None:
         value: float = unpack_from("<d", message, POSITIONS_AT)[0]
@@ -203,7 +203,7 @@ def frozen() -> Edit:
 
 
 def positions_frozen() -> Edit:
-    """Have every STATE tell the positions of the first one, and all else as it is."""
+    """Have every STATE repeat the positions of the first one, and all else as it is."""
     kept: list[bytes] = []
 
     def edit(message: bytearray) -> None:
@@ -217,7 +217,7 @@ def positions_frozen() -> Edit:
 
 
 def velocities_changed(change: Callable[[Sequence[float]], Sequence[float]]) -> Edit:
-    """Have every STATE tell other velocities, and positions as they are."""
+    """Have every STATE report other velocities, and positions as they are."""
 
     def edit(message: bytearray) -> None:
         count = (len(message) - SEAL - POSITIONS_AT) // 16
@@ -252,8 +252,8 @@ def other_robots(message: bytearray) -> None:
     pack_into("<I", message, HEADER.size, 1 << 30)
 
 
-def nan_wish(message: bytearray) -> None:
-    """Have a WISH be for NaN."""
+def nan_desired(message: bytearray) -> None:
+    """Have a desired motion begin with NaN."""
     pack_into("<d", message, HEADER.size + WISH.size, float("nan"))
 
 

@@ -137,7 +137,7 @@ def row_of(outcome: Outcome) -> dict[str, Any]:
         "skipped": outcome.skipped,
         "tries": outcome.tries,
         "waited": outcome.waited,
-        "told": outcome.told,
+        "told": outcome.reported,
         "rested": outcome.rested,
     }
 

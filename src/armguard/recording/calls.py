@@ -1,4 +1,4 @@
-"""Calls between two cycles as data: their arguments, who may make them, what they do.
+"""Calls between two cycles as data: their arguments, their rights, what they do.
 
 Messages, recordings and programs of this machine give the arguments: numbers, shapes
 and regions either as JSON holds them or as `Guard` takes them. What they may be is for
@@ -120,7 +120,7 @@ class GuardCall(Call):
 
     @property
     def event(self) -> dict[str, Any]:
-        """What a recording tells of it, ready for JSON."""
+        """The event of a recording for it, ready for JSON."""
         return {"call": self.call, **self.model_dump()}
 
 
@@ -224,7 +224,7 @@ class Ping(Call, call="ping", right=Role.OBSERVE):
 
 
 def call_of(event: Mapping[str, Any]) -> GuardCall:
-    """The call that a recording tells of.
+    """The call of an event in a recording.
 
     Raises:
         KeyError: There is no such call.

@@ -71,7 +71,7 @@ class Kind(IntEnum):
 
 
 class Form(IntEnum):
-    """What was asked of a cycle."""
+    """Form of the request to a cycle."""
 
     STEP = 0
     """Nothing: `step`."""
@@ -106,8 +106,8 @@ class Frame:
     verdict: Floats  # numbers of the verdict, see `armguard.guard.layout`
     # Poses of all bodies that were judged, see `Monitor.poses`, shape (b, 12).
     poses: Floats
-    # Words: of a cycle what was wrong with its input and which tools were asked for, of
-    # an event its name and arguments.
+    # Words: of a cycle what was wrong with its input and the tools that its request
+    # named, of an event its name and arguments.
     text: Mapping[str, Any]
     # Bytes: of a checkpoint what `Guard.checkpoint` gave, of a scene's note the scene,
     # of a recorded cycle its digest.
@@ -186,14 +186,14 @@ def text_frame(
         data: Bytes.
         room: Gives the row to write to, by its length.
     """
-    told = text_of(text)
-    ends = HEADER + words(len(told))
+    encoded = text_of(text)
+    ends = HEADER + words(len(encoded))
     row = room(ends + words(len(data)))
     row[:HEADER] = 0.0
     row[:4] = kind, cycle, monotonic, wall
     row[[IN_FRAME.now, IN_FRAME.received, IN_FRAME.ended]] = np.nan
-    row[[IN_FRAME.text, IN_FRAME.data]] = len(told), len(data)
-    put_text(told, row[HEADER:ends])
+    row[[IN_FRAME.text, IN_FRAME.data]] = len(encoded), len(data)
+    put_text(encoded, row[HEADER:ends])
     put_text(data, row[ends:])
     return row
 

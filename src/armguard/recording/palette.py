@@ -1,8 +1,8 @@
 """Colours of levels and of robots, and the word that goes with each.
 
-All but a dark vermillion are of the palette of Okabe and Ito, which people tell apart
-who do not see red and green; the lightness differs too, and no colour stands without
-its word.
+All but a dark vermillion are of the palette of Okabe and Ito, whose colours differ for
+people with red-green colour blindness; the lightness differs too, and each colour comes
+with its word.
 """
 
 from armguard.guard.levels import Level
@@ -39,7 +39,7 @@ LEVEL_WORDS: dict[Level, str] = {
     Level.HARDWARE_STOP: "EMERGENCY STOP",
 }
 
-# Robots are told apart by tints that no level has.
+# Robots differ by tints that no level has.
 ROBOT_TINTS: tuple[Rgb, ...] = (
     (176, 196, 214),
     (214, 200, 176),

@@ -35,7 +35,7 @@ def recorded(
     """A cycle of a guard that is written down as well.
 
     Args:
-        form: What is asked for.
+        form: Form of the request.
         method: The method of `Guard`. Beside its arguments the cycle takes `received`,
             when they came in, monotonic [s].
     """
@@ -67,7 +67,7 @@ class RecordedGuard:
         shapes: Shapes that objects were given since the start, by name.
 
     Args:
-        guard: The guard; nobody else may call it from now on.
+        guard: The guard; only this object may call it from now on.
         ring: Where frames go.
         cycle: Number of the first cycle.
         monotonic: The machine's monotonic clock [s].
@@ -113,11 +113,11 @@ class RecordedGuard:
             call.apply(self.guard)
         except SightingError:
             # It is refused when it is replayed as well, and stops robots there.
-            self.tell(Kind.EVENT, call.event)
+            self.write_text(Kind.EVENT, call.event)
             raise
         if isinstance(call, Place) and call.shape is not None:
             self.shapes[call.name] = call.shape
-        self.tell(Kind.EVENT, call.event)
+        self.write_text(Kind.EVENT, call.event)
         return call
 
     def describe(self, scene: Scene, about: Mapping[str, Any]) -> None:
@@ -125,7 +125,7 @@ class RecordedGuard:
 
         Args:
             scene: The scene the guard was made of.
-            about: What else to tell, ready for JSON.
+            about: Further facts about it, ready for JSON.
         """
         archive = archive_of(scene)
         text = {
@@ -138,18 +138,20 @@ class RecordedGuard:
             "budget": self.guard.budget,
         }
         self._scene = text, archive
-        self.tell(Kind.NOTE, text, archive)
+        self.write_text(Kind.NOTE, text, archive)
 
     def checkpoint(self) -> None:
         """Write down all that the guard remembers, so that a replay may begin here.
 
-        And the scene once more, for those who began to read later.
+        And the scene once more, for readers that started later.
         """
         if self._scene is not None:
-            self.tell(Kind.NOTE, *self._scene)
-        self.tell(Kind.CHECKPOINT, {}, self.guard.checkpoint())
+            self.write_text(Kind.NOTE, *self._scene)
+        self.write_text(Kind.CHECKPOINT, {}, self.guard.checkpoint())
 
-    def tell(self, kind: Kind, text: Mapping[str, Any], data: bytes = b"") -> None:
+    def write_text(
+        self, kind: Kind, text: Mapping[str, Any], data: bytes = b""
+    ) -> None:
         """Write down something that is no cycle."""
         now, wall = self._monotonic(), self._wall()
         text_frame(kind, self.cycle, now, wall, text, data, self._ring.reserve)
@@ -161,7 +163,7 @@ class RecordedGuard:
         fill: Callable[[Floats, float, float], None],
         text: bytes = b"",
     ) -> None:
-        """Write down a cycle that somebody else ran with the guard's kernels.
+        """Write down a cycle that another loop ran with the guard's kernels.
 
         For a loop that answers first: the guard must not have been called since.
 
@@ -187,7 +189,7 @@ class RecordedGuard:
         """Write down a cycle.
 
         Args:
-            form: What was asked for.
+            form: Form of the request.
             given: Arguments of the call, by name.
             answer: What came out.
             received: When it came in, monotonic; NaN if that is not known [s].

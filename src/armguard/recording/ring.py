@@ -1,4 +1,4 @@
-"""A ring in shared memory: one process writes, any number read, and nobody waits.
+"""A ring in shared memory: one process writes, any number read, and none waits.
 
 Records are rows of float64 of any length. The writer overwrites the oldest ones; a
 reader that is too slow loses whole records, knows how many, and never sees a part of
@@ -146,7 +146,7 @@ class RingWriter:
         self.commit()
 
     def close(self) -> None:
-        """Tell readers that no more follow, and remove the file's name."""
+        """Mark the end for readers, and remove the file's name."""
         if self._map.closed:
             return
         self._head["closed"] = 1
@@ -155,7 +155,7 @@ class RingWriter:
         try:
             self._map.close()
         except BufferError:
-            # Somebody still holds what `reserve` gave him; it goes with him.
+            # A caller of `reserve` still holds the memory, and frees it.
             pass
 
     def _make_room(self, end: int) -> None:

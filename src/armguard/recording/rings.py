@@ -37,7 +37,7 @@ def new_ring(port: int) -> Path:
 
 
 def was_killed(port: int, ring: Path | None = None) -> bool:
-    """Whether the last service on a port ended without its own doing.
+    """Whether the last service on a port was killed.
 
     Such a service leaves its ring behind.
 

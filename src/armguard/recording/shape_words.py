@@ -14,7 +14,7 @@ def words_of(shape: Shape) -> dict[str, Any]:
 
 
 def shape_of(words: Mapping[str, Any]) -> Shape:
-    """The shape that words tell.
+    """The shape that words describe.
 
     Raises:
         ShapeError: There is no such kind, or it has no such sizes.

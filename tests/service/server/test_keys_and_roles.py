@@ -11,7 +11,7 @@ import pytest
 
 from armguard import Action, Client, Level, Pose
 from armguard.chaos.relay import Relay
-from armguard.chaos.tampering import WISHES, late, on
+from armguard.chaos.tampering import DESIRED, late, on
 from armguard.errors import KeyFileError, NoServiceError, RefusedError
 from armguard.recording.rings import was_killed
 from armguard.service.client import Answer
@@ -290,7 +290,7 @@ def test_wishes_that_come_late_are_counted_and_not_obeyed(served, delay):
                 administrator.claim(force=True)
                 administrator.give_back()
                 operator.claim()
-                relay.tamper = on(WISHES, late(delay))
+                relay.tamper = on(DESIRED, late(delay))
                 before = served.counters.values()
                 sent = 0
 

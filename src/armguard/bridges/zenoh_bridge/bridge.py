@@ -69,7 +69,7 @@ AGAIN, KNOCK = 0.5, 0.02
 # publishes stops [s].
 GONE = 2.0
 
-# Forms of a wish, and the word for one of it.
+# Forms of a desired motion, and the word for one of each.
 FORMS = {"velocities": "velocity", "positions": "position", "twists": "twist"}
 
 # States whose numbers are remembered until they are answered.
@@ -149,7 +149,10 @@ class Bridge:
         self._out = {name: self._publisher(name) for name in PUBLISHED}
         self._takes: dict[str, Callable[[Mark, dict[str, Any]], None]] = {
             "state": self._take_state,
-            **{f"wish/{form}": partial(self._take_wish, form) for form in FORMS},
+            **{
+                f"wish/{form}": partial(self._take_desired_motion, form)
+                for form in FORMS
+            },
             # Any role may order a stop.
             "stop": lambda mark, message: self._client.stop(),
         }
@@ -348,7 +351,7 @@ class Bridge:
         check(message.attachment, 0, key, message.expression, message.payload)
         kind = message.kind
         if message.call == "clock":
-            # Its reply tells the sender the session and the time, which it lacks.
+            # Its reply gives the sender the session and the time.
             return mark
         if kind != "stop" and mark.about != self._sealer.sender.session:
             raise DroppedError(
@@ -393,13 +396,15 @@ class Bridge:
         self._authority.check(mark.sender, time.monotonic())
         return self._clients[Role(mark.sender.role)]
 
-    def _take_wish(self, form: str, mark: Mark, message: dict[str, Any]) -> None:
+    def _take_desired_motion(
+        self, form: str, mark: Mark, message: dict[str, Any]
+    ) -> None:
         """The commander desires velocities, positions or twists."""
         client = self._commander(mark, f"a desired {FORMS[form]}")
         if form == "velocities":
-            client.send_velocities(self._joints.wish(message, form))
+            client.send_velocities(self._joints.desired_motion(message, form))
         elif form == "positions":
-            client.send_positions(self._joints.wish(message, form))
+            client.send_positions(self._joints.desired_motion(message, form))
         else:
             client.send_twists(self._joints.twists(message))
 
@@ -425,7 +430,7 @@ class Bridge:
             reply = {"ok": False, "error": kind, "sentence": str(error)}
         payload = json.dumps(reply).encode()
         if mark is None:
-            # Not sealed: it would vouch for an answer to a message of anybody.
+            # Not sealed: a seal would vouch for an answer to an unknown sender.
             with suppress(zenoh.ZError), query:
                 query.reply_err(payload, encoding=encoding)
             return

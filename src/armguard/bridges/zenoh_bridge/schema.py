@@ -69,7 +69,7 @@ class Joints:
         at = None if stamp is None else number_of("stamp", stamp)
         return State(robots, q, velocity, at)
 
-    def wish(self, message: Mapping[str, Any], field: str) -> Floats:
+    def desired_motion(self, message: Mapping[str, Any], field: str) -> Floats:
         """Velocities or positions of all joints, in the service's order."""
         order, robots = self._order(names_in(message, "names"))
         if len(robots) != len(self._parts):

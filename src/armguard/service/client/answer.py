@@ -78,7 +78,7 @@ class Nearest:
 class Answer:
     """Command to the robots: from the service, or a stop of a client without an answer.
 
-    It holds the message; rows and arrays are read from it when they are asked for.
+    It holds the message; rows and arrays are read from it on access.
 
     Attributes:
         sent: When it was sent, on the service's clock [s].

@@ -389,7 +389,7 @@ class Client(Exchange):
         self._connection.say(Kind.HELLO, head, self._name)
 
     def _send_desired(self, form: Form, values: ArrayLike) -> None:
-        """Send a WISH of that form."""
+        """Send a desired motion of that form."""
         count = None if form is Form.TWISTS else len(self.welcome.names)
         row = numbers_of(values, "the desired motion", count).reshape(-1)
         head = WISH.pack(self._token, form, len(row))

@@ -269,7 +269,7 @@ class StateMessage:
         if velocities:
             fields.append(("velocity", *row))
         if desired:
-            fields += [("wish", WISH.dtype), ("desired", *row)]
+            fields += [("request", WISH.dtype), ("desired", *row)]
         message = np.zeros(1, np.dtype([*fields, ("seal", "u1", (SEAL,))]))
         self._message = message.view(np.uint8).data
         outbox, size = self._outbox, message.itemsize
@@ -287,9 +287,9 @@ class StateMessage:
         self._velocity: Any = message["velocity"][0].data if velocities else None
         self._desired: Any = message["desired"][0].data if desired else None
         if desired:
-            wish = message["wish"]
-            wish["form"], wish["numbers"] = Form.VELOCITIES, joints
-            self._token = wish["token"].data
+            request = message["request"]
+            request["form"], request["numbers"] = Form.VELOCITIES, joints
+            self._token = request["token"].data
 
     @property
     def q(self) -> Floats:

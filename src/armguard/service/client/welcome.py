@@ -28,7 +28,7 @@ class Welcome:
     robots: tuple[str, ...] = ()
     parts: tuple[RobotJoints, ...] = ()  # joints of each robot
     bodies: tuple[str, ...] = ()  # by the indices in a COMMAND
-    tools: tuple[str, ...] = ()  # by the indices in a WISH
+    tools: tuple[str, ...] = ()  # by the indices in desired twists
     period: float = 0.0  # time from one cycle to the next [s]
     home: Floats = field(default_factory=lambda: np.zeros(0))  # (n,) [rad or m]
     scene_file: str = ""

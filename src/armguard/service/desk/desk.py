@@ -23,19 +23,19 @@ Longs = NDArray[np.int64]
 
 @record
 class Arrival:
-    """A message that was received, and the newest WISH.
+    """A message that was received, and the newest desired motion.
 
     Attributes:
         length: Its length [bytes].
         now: When it was received, monotonic [ns].
         sender: Its sender.
         sequence: Its number.
-        token: Token that a WISH must show; 0 if its sender is not the commander.
+        token: Token that a WISH has to show; 0 if its sender is not the commander.
         watchdog: Silence after which a robot may get another controller [ns].
-        has_wish: 1 if there is a WISH in a STATE.
-        wish_outcome: What came of that, see `OUTCOMES`.
-        wish_form: Form of the newest WISH, as messages number it.
-        wish_count: How many numbers, or twists, that has.
+        has_desired: 1 if a STATE has a desired motion.
+        desired_outcome: What came of that, see `OUTCOMES`.
+        desired_form: Form of the newest desired motion, as messages number it.
+        desired_count: How many numbers, or twists, that has.
         measured: 1 if the newest state of every robot had velocities.
     """
 
@@ -45,10 +45,10 @@ class Arrival:
     sequence: int
     token: int
     watchdog: int
-    has_wish: int
-    wish_outcome: int
-    wish_form: int
-    wish_count: int
+    has_desired: int
+    desired_outcome: int
+    desired_form: int
+    desired_count: int
     measured: int
 
 
@@ -57,7 +57,7 @@ class Cycle:
     """A cycle, and what came of it.
 
     Attributes:
-        ask: What to ask the guard, see `AS_WISHED`.
+        ask: What to ask the guard, see `AS_DESIRED`.
         number: Its number.
         began_by: Sender of the state that began it; 0 for none.
         began_with: Number of that state.
@@ -105,7 +105,7 @@ class ToolTwist:
 
 
 # What to ask a guard, `Cycle.ask`; any other number is the `Reason` of a stop.
-AS_WISHED = 0  # the desired motion of the commander
+AS_DESIRED = 0  # the desired motion of the commander
 NOTHING = 1  # that nothing moves; where positions were desired, that they are held
 
 # What came of a message: its index here, see `DROPS`.
@@ -114,7 +114,7 @@ OUTCOMES = (
     *("second_controller", "not_commander", "wish_not_finite"),
 )
 TAKEN, PAYLOAD, ROBOTS, JOINTS = range(4)
-SECOND_CONTROLLER, NOT_COMMANDER, WISH_NOT_FINITE = range(4, 7)
+SECOND_CONTROLLER, NOT_COMMANDER, DESIRED_NOT_FINITE = range(4, 7)
 
 
 @table
@@ -134,14 +134,14 @@ class Desk(NamedTuple):
     heard: LongVector  # when it was received, monotonic, shape (r,) [ns]
     first_joint: LongVector  # place in q of the first joint of each robot, shape (r,)
     joint_count: LongVector  # how many joints it has, shape (r,)
-    wish: Vector  # desired velocities or positions, shape (n,)
+    desired: Vector  # desired velocities or positions, shape (n,)
     twists: Annotated[Records[ToolTwist], 1]  # desired twists, shape (MOST_TWISTS,)
     tools: Matrix  # robot, body, origin in the body of each tool, (k, TOOL_TWIST)
     rows: Vector  # twists as the guard takes them, shape (MOST_TWISTS TWIST_ROW,)
     # Positions commanded last, which are held when a commander in positions falls
     # silent, shape (n,).
     held: Vector
-    asked: Vector  # what the guard was asked for last, shape (max(n, 6 MOST_TWISTS),)
+    asked: Vector  # the last request to the guard, shape (max(n, 6 MOST_TWISTS),)
     out: Vector  # the verdict's numbers, see `armguard.guard.layout`
     header: Header  # their header, in the same memory
     robots: Annotated[Records[RobotRow], 1]  # their rows of the robots, likewise

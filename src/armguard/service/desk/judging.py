@@ -1,4 +1,4 @@
-"""From what was measured and wished for to what robots are told."""
+"""From measurements and desired motion to the commands of robots."""
 
 from math import isfinite
 
@@ -19,8 +19,8 @@ from armguard.respond.state import (
 from armguard.respond.state import TWISTS as BY_TWISTS
 from armguard.respond.state import VELOCITIES as BY_VELOCITIES
 from armguard.respond.whole_cycle import begin_filtered_cycle, end_filtered_cycle
-from armguard.service.desk.desk import AS_WISHED, NOTHING, Desk, open_desk
-from armguard.service.desk.telling import write_answer
+from armguard.service.desk.answering import write_answer
+from armguard.service.desk.desk import AS_DESIRED, NOTHING, Desk, open_desk
 from armguard.service.wire.layout import Form
 
 Longs = NDArray[np.int64]
@@ -93,18 +93,18 @@ def hand_over(d: Desk, v: Watch) -> None:
 
 @kernel
 def choose(d: Desk) -> None:
-    """Choose what to ask for, and write it down as it was asked."""
+    """Choose the request to the guard, and keep it as it was made."""
     cycle = d.cycle
     n = d.q.shape[0]
-    form = d.arrival.wish_form
-    if cycle.ask == AS_WISHED and form == TWISTS:
+    form = d.arrival.desired_form
+    if cycle.ask == AS_DESIRED and form == TWISTS:
         lay_out_twists(d)
         return
     cycle.asked_count = n
-    if cycle.ask == AS_WISHED:
+    if cycle.ask == AS_DESIRED:
         cycle.asked_form = form
         for j in range(n):
-            d.asked[j] = d.wish[j]
+            d.asked[j] = d.desired[j]
         return
     if cycle.ask != NOTHING:
         cycle.asked_form, cycle.asked_count = STOP, 1
@@ -121,7 +121,7 @@ def choose(d: Desk) -> None:
 @kernel
 def lay_out_twists(d: Desk) -> None:
     """Write twists as the guard takes them, and as they are kept."""
-    count = d.arrival.wish_count
+    count = d.arrival.desired_count
     d.cycle.asked_form, d.cycle.asked_count = TWISTS, 6 * count
     for k in range(count):
         desired = d.twists[k]

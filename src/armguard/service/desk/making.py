@@ -50,7 +50,7 @@ def desk_of(
         heard=np.zeros(r, dtype=np.int64),
         first_joint=np.array([p.first_joint for p in tables.robots], dtype=np.int64),
         joint_count=np.array([p.joint_count for p in tables.robots], dtype=np.int64),
-        wish=np.zeros(n),
+        desired=np.zeros(n),
         twists=records(MOST_TWISTS, ToolTwist),
         tools=rows,
         rows=np.zeros(MOST_TWISTS * TWIST_ROW),

@@ -6,48 +6,55 @@ from typing import Any
 from armguard.kernel import kernel
 from armguard.respond.state import MOST_TWISTS
 from armguard.service.desk.desk import (
+    DESIRED_NOT_FINITE,
     JOINTS,
     NOT_COMMANDER,
     PAYLOAD,
     ROBOTS,
     SECOND_CONTROLLER,
     TAKEN,
-    WISH_NOT_FINITE,
     Desk,
     Longs,
     open_desk,
     records,
     signed,
 )
-from armguard.service.wire.layout import HAS_VELOCITY, HEADER, SEAL, STATE, TWIST, Form
-from armguard.service.wire.layout import HAS_WISH as WITH_WISH
-from armguard.service.wire.layout import WISH as WISH_HEAD
+from armguard.service.wire.layout import (
+    HAS_VELOCITY,
+    HAS_WISH,
+    HEADER,
+    SEAL,
+    STATE,
+    TWIST,
+    WISH,
+    Form,
+)
 
-STATE_ROW, WISH_ROW = STATE.dtype, WISH_HEAD.dtype
+STATE_ROW, DESIRED_ROW = STATE.dtype, WISH.dtype
 
-# Where a payload begins, where the joints of a STATE begin, and how long the head of a
-# WISH is [bytes].
+# Where a payload begins, where the joints of a STATE begin, and the length of the head
+# of a WISH [bytes].
 PAYLOAD_AT = HEADER.size
 POSITIONS_AT = HEADER.size + STATE.size
-WISH_SIZE = WISH_HEAD.size
+DESIRED_SIZE = WISH.size
 
 VELOCITIES, POSITIONS, TWISTS = (int(form) for form in Form)
 
 
 @kernel(inline=False, entry=True)
 def take_state(desk: Longs) -> int:
-    """Take a STATE over, and the WISH in it.
+    """Take a STATE over, and the desired motion in it.
 
     Args:
         desk: Ledger of a desk: its message is a STATE, and its `arrival` describes it.
 
     Returns:
-        TAKEN, or why it was dropped; then nothing has changed. What came of the WISH in
-        it is written there.
+        TAKEN, or why it was dropped; then nothing has changed. `arrival` has what came
+        of the desired motion.
     """
     d = open_desk(desk)
     arrival = d.arrival
-    arrival.has_wish = 0
+    arrival.has_desired = 0
     size = arrival.length
     if size < POSITIONS_AT + SEAL:
         return PAYLOAD
@@ -63,9 +70,9 @@ def take_state(desk: Longs) -> int:
     both = 2 if flags & HAS_VELOCITY != 0 else 1
     end = POSITIONS_AT + 8 * joints * both
     room = size - SEAL - end
-    with_wish = flags & WITH_WISH != 0
-    # With a WISH there is more; how much more its own head says.
-    if room < WISH_SIZE if with_wish else room != 0:
+    with_desired = flags & HAS_WISH != 0
+    # The head of a desired motion says how long that is.
+    if room < DESIRED_SIZE if with_desired else room != 0:
         return JOINTS
     for r in range(robots):
         other = d.sender[r] != arrival.sender and d.sender[r] != 0
@@ -73,9 +80,9 @@ def take_state(desk: Longs) -> int:
             if arrival.now - d.heard[r] < arrival.watchdog:
                 return SECOND_CONTROLLER
     keep_state(state, joints, both, d)
-    if with_wish:
-        arrival.has_wish = 1
-        arrival.wish_outcome = keep_wish(end, d)
+    if with_desired:
+        arrival.has_desired = 1
+        arrival.desired_outcome = keep_desired_motion(end, d)
     return TAKEN
 
 
@@ -110,7 +117,7 @@ def keep_state(state: Any, joints: int, both: int, d: Desk) -> None:
 
 
 @kernel(inline=False, entry=True)
-def take_wish(desk: Longs) -> int:
+def take_desired_motion(desk: Longs) -> int:
     """Take a WISH over.
 
     Args:
@@ -119,45 +126,45 @@ def take_wish(desk: Longs) -> int:
     Returns:
         TAKEN, or why it was dropped.
     """
-    return keep_wish(PAYLOAD_AT, open_desk(desk))
+    return keep_desired_motion(PAYLOAD_AT, open_desk(desk))
 
 
 @kernel(inline=False)
-def keep_wish(start: int, d: Desk) -> int:
-    """Take over the WISH that begins there [bytes]."""
+def keep_desired_motion(start: int, d: Desk) -> int:
+    """Take over the desired motion that begins there [bytes]."""
     arrival, words = d.arrival, d.message
-    room = arrival.length - SEAL - start - WISH_SIZE
+    room = arrival.length - SEAL - start - DESIRED_SIZE
     if room < 0:
         return PAYLOAD
-    wish = records(words, start, 1, WISH_ROW)[0]
-    form, count = signed(wish["form"]), signed(wish["numbers"])
+    head = records(words, start, 1, DESIRED_ROW)[0]
+    form, count = signed(head["form"]), signed(head["numbers"])
     if room != 8 * count:
         return PAYLOAD
-    if arrival.token == 0 or signed(wish["token"]) != arrival.token:
+    if arrival.token == 0 or signed(head["token"]) != arrival.token:
         return NOT_COMMANDER
-    at = (start + WISH_SIZE) // 8
+    at = (start + DESIRED_SIZE) // 8
     if form == TWISTS:
         # At most one twist a tool.
         if count % TWIST != 0 or count > TWIST * min(MOST_TWISTS, d.tools.shape[0]):
             return JOINTS
     elif form != VELOCITIES and form != POSITIONS:
         return PAYLOAD
-    elif count != d.wish.shape[0]:
+    elif count != d.desired.shape[0]:
         return JOINTS
     finite = True
     for k in range(count):
         finite &= isfinite(words[at + k])
     if not finite:
-        return WISH_NOT_FINITE
+        return DESIRED_NOT_FINITE
     if form == TWISTS:
         if not tools_are_known(at, count, d):
             return JOINTS
         keep_twists(at, count, d)
     else:
         for k in range(count):
-            d.wish[k] = words[at + k]
-        arrival.wish_count = count
-    arrival.wish_form = form
+            d.desired[k] = words[at + k]
+        arrival.desired_count = count
+    arrival.desired_form = form
     return TAKEN
 
 
@@ -184,4 +191,4 @@ def keep_twists(at: int, count: int, d: Desk) -> None:
         for i in range(6):
             d.twists[place].twist[i] = d.message[k + 1 + i]
         kept = max(kept, place + 1)
-    d.arrival.wish_count = kept
+    d.arrival.desired_count = kept

@@ -28,7 +28,7 @@ class Command:
     watchdog: int  # a desired motion older than that counts as none [ns]
     sender: int = 0  # the holder; 0 for none
     token: int = 0  # the holder shows it with every WISH
-    heard: int = 0  # when the newest WISH was received, monotonic; 0 for none [ns]
+    heard: int = 0  # when the newest one was received, monotonic; 0 for none [ns]
 
     def claim(self, sender: int, force: bool) -> bool:
         """Whether a sender has the command from now on."""
@@ -43,7 +43,7 @@ class Command:
         self.sender = self.token = self.heard = 0
 
     def cause(self, now: int) -> Cause:
-        """Why the newest WISH does not count; NONE if it does."""
+        """Why the desired motion does not count; NONE if it does."""
         if not self.sender:
             return Cause.NO_COMMANDER
         if not self.heard:

@@ -104,7 +104,7 @@ class Cycles:
         # A state is not made to wait for a grid: after every hiccup it would be off it.
         self._earliest = start + self._period // 2
         self._latest = start + self._period + (self._grace if fresh else 0)
-        # Why the newest WISH does not count, if it does not.
+        # Why the desired motion does not count, if it does not.
         cause = self._force or context.ordered or context.command.cause(start)
         self._force = Cause.NONE
         number = judge.guard.cycle
@@ -149,7 +149,7 @@ class Cycles:
             now: Monotonic clock [ns].
         """
         context = self._context
-        says = context.judge.unit_of_wish()
+        says = context.judge.unit_remark()
         commander = context.command.sender if says else 0
         if commander != self._strange_by:
             self._strange_by, self._strange_since, self._named = commander, now, False
@@ -185,7 +185,7 @@ class Cycles:
         """Ask the guard.
 
         Args:
-            cause: Why the newest WISH does not count, if it does not.
+            cause: Why the desired motion does not count, if it does not.
             number: Number of the cycle.
             start: When it began [ns].
             last: When the last one began; 0 if there was none [ns].

@@ -37,12 +37,12 @@ def sentence_of_drop(
     if cause in EXPLAINED and kind == Kind.STATE:
         detail = detail_of_state(message, tables)
     elif cause in EXPLAINED and kind == Kind.WISH:
-        detail = detail_of_wish(message, PAYLOAD, tables)
+        detail = detail_of_desired_motion(message, PAYLOAD, tables)
     return f"{DROPS[cause]}{detail and f' ({detail})'}"
 
 
 def detail_of_state(message: memoryview, tables: SceneTables) -> str:
-    """Robots or numbers of a STATE that the scene does not have, or of its WISH."""
+    """Robots or numbers of a STATE that the scene does not have."""
     if len(message) < PAYLOAD + STATE.size + SEAL:
         return ""
     state = STATE.unpack_from(message, PAYLOAD)
@@ -57,20 +57,22 @@ def detail_of_state(message: memoryview, tables: SceneTables) -> str:
     both = 2 if state.flags & HAS_VELOCITY else 1
     at = PAYLOAD + STATE.size
     if state.flags & HAS_WISH:
-        return detail_of_wish(message, at + 8 * both * joints, tables)
+        return detail_of_desired_motion(message, at + 8 * both * joints, tables)
     found = (len(message) - SEAL - at) // 8
     parts = "positions and velocities" if both == 2 else "positions"
     return f"{found} numbers, and {both * joints} {parts} of its robots are needed"
 
 
-def detail_of_wish(message: memoryview, start: int, tables: SceneTables) -> str:
-    """Numbers of a WISH that the scene does not have, or that are not finite."""
+def detail_of_desired_motion(
+    message: memoryview, start: int, tables: SceneTables
+) -> str:
+    """Numbers of a desired motion that do not fit the scene or are not finite."""
     if len(message) < start + WISH.size + SEAL:
         return "too few numbers before the desired motion"
-    wish = WISH.unpack_from(message, start)
+    head = WISH.unpack_from(message, start)
     numbers = np.frombuffer(message[start + WISH.size : -SEAL])
     names = tables.q_names
-    if wish.form == Form.TWISTS:
+    if head.form == Form.TWISTS:
         names = tuple(f"tool {k:g}" for k in numbers[::TWIST] for _ in range(TWIST))
     elif len(numbers) != len(names):
         return f"{len(numbers)} numbers, the scene has {len(names)} joints"

@@ -1,4 +1,4 @@
-"""The guard of the service, what it is asked in each cycle, and how it is changed."""
+"""The guard of the service: the request of each cycle, and changes of the guard."""
 
 from typing import Any
 
@@ -22,12 +22,12 @@ from armguard.respond.units import DesiredUnits
 from armguard.respond.whole_cycle import NOT_JUDGED
 from armguard.scene import Scene
 from armguard.scene.tables import SceneTables
-from armguard.service.desk.desk import AS_WISHED, NOTHING
+from armguard.service.desk.answering import write_answer
+from armguard.service.desk.desk import AS_DESIRED, NOTHING
 from armguard.service.desk.judging import begin_judging, conclude_judging, judge
 from armguard.service.desk.keeping import write_frame
 from armguard.service.desk.making import desk_of
-from armguard.service.desk.taking import take_state, take_wish
-from armguard.service.desk.telling import write_answer
+from armguard.service.desk.taking import take_desired_motion, take_state
 from armguard.service.server.scenes import scene_hash
 from armguard.service.server.settings import ServiceSettings
 from armguard.service.wire import Cause, Form
@@ -43,9 +43,9 @@ OBJECTS = 12
 # Greatest length of an explanation in a reply [characters].
 EXPLAINED = 4000
 
-# What a guard is asked for, by why the desired motion does not count.
+# Requests to a guard, by why the desired motion does not count.
 ASK_OF: dict[Cause, int] = {
-    Cause.NONE: AS_WISHED,
+    Cause.NONE: AS_DESIRED,
     Cause.NO_COMMANDER: NOTHING,
     Cause.NO_WISH: NOTHING,
     Cause.WISH_OLD: NOTHING,
@@ -141,14 +141,16 @@ class Judge:
         verdict = Verdict(data, self.guard.guard.names, now, took, fault)
         return Command(desk.command.copy(), tables.robots, verdict)
 
-    def unit_of_wish(self) -> str:
-        """In words, that the judged desired motion looks like another unit, or ""."""
+    def unit_remark(self) -> str:
+        """A sentence if the judged desired motion looks like another unit; else ""."""
         desk = self.desk
-        if not self._judged or self.cycle.ask != AS_WISHED:
+        if not self._judged or self.cycle.ask != AS_DESIRED:
             return ""
         form = Form(self.cycle.asked_form)
         rows = desk.rows[: self.cycle.asked_count // 6 * TWIST_ROW]
-        return self._units.hint(FORMS[form], rows if form is Form.TWISTS else desk.wish)
+        return self._units.hint(
+            FORMS[form], rows if form is Form.TWISTS else desk.desired
+        )
 
     def ask(self, cause: Cause) -> None:
         """One cycle, and its answer on the desk; `write_down` writes it down.
@@ -238,7 +240,7 @@ class Judge:
         verdict = last.verdict
         return {
             "why": last.why,
-            "remark": self.unit_of_wish(),
+            "remark": self.unit_remark(),
             "explanation": last.explain()[:EXPLAINED],
             "cycle": self.guard.cycle - 1,
             "level": verdict.level.name,
@@ -308,7 +310,7 @@ class Judge:
 
     def note(self, note: str, **more: Any) -> None:
         """Write down something that changes nothing."""
-        self.guard.tell(Kind.NOTE, {"note": note, **more})
+        self.guard.write_text(Kind.NOTE, {"note": note, **more})
 
     def _build(self, self_test: bool) -> tuple[RecordedGuard, str]:
         """A guard of the scene as it is now, and the scene's hash."""
@@ -318,7 +320,7 @@ class Judge:
     def _compile(self) -> None:
         """Compile, or load, what the loop calls; nothing was received or asked."""
         take_state(self.lines)
-        take_wish(self.lines)
+        take_desired_motion(self.lines)
         guard = self.guard.guard
         guard.reset()
         # No state is none that a guard believes: it only refuses.

@@ -3,7 +3,7 @@
 import ctypes
 import os
 
-# FIFO priority that is asked for: above everything ordinary, below the kernel's own.
+# Requested FIFO priority: above everything ordinary, below the kernel's own.
 PRIORITY = 40
 
 # mlockall: all there is, and all there will be.

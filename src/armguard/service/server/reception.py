@@ -12,7 +12,7 @@ from armguard.recording.counters import DROPS
 from armguard.scene.tables import SceneTables
 from armguard.service.desk.desk import OUTCOMES
 from armguard.service.desk.making import bodies_of
-from armguard.service.desk.taking import take_state, take_wish
+from armguard.service.desk.taking import take_desired_motion, take_state
 from armguard.service.server.context import Context
 from armguard.service.server.cycles import NANO, Cycles
 from armguard.service.server.dropped import sentence_of_drop
@@ -67,12 +67,12 @@ class Reception:
         arrival.watchdog = int(settings.controller_watchdog * NANO)
         self._call_limit = int(settings.commander_watchdog * NANO)
         self._hellos_left = MOST_HELLOS
-        # Why the WISH of the last message does not count because of its age.
+        # Why the last desired motion does not count because of its age.
         self._age = ""
         # What each kind of message does, and the size of its payload if it is fixed.
         self._kinds: dict[int, Callable[[Peer, memoryview, int], str]] = {
             Kind.STATE: self._take_state,
-            Kind.WISH: self._take_wish,
+            Kind.WISH: self._take_desired_motion,
             Kind.HEARTBEAT: self._take_nothing,
             Kind.CLAIM: self._take_claim,
             Kind.GIVE_BACK: self._take_give_back,
@@ -168,7 +168,7 @@ class Reception:
         return ""
 
     def _take_state(self, peer: Peer, message: memoryview, now: int) -> str:
-        """Take over measured joints, and the WISH that may follow them."""
+        """Take over measured joints, and the desired motion that may follow them."""
         context = self._context
         judge = context.judge
         self._hand_over(peer, message, now)
@@ -185,14 +185,14 @@ class Reception:
             holder = context.command.sender
             stop = context.answers.write_stop(0, Cause.WAITING, now, holder)
             context.send(stop, peer)
-        if self._arrival.has_wish:
-            return self._look_at_wish(self._arrival.wish_outcome, now)
+        if self._arrival.has_desired:
+            return self._note_outcome(self._arrival.desired_outcome, now)
         return ""
 
-    def _take_wish(self, peer: Peer, message: memoryview, now: int) -> str:
+    def _take_desired_motion(self, peer: Peer, message: memoryview, now: int) -> str:
         """Take the desired motion over."""
         self._hand_over(peer, message, now)
-        return self._look_at_wish(take_wish(self._context.judge.lines), now)
+        return self._note_outcome(take_desired_motion(self._context.judge.lines), now)
 
     def _hand_over(self, peer: Peer, message: memoryview, now: int) -> None:
         """Describe on the desk the message that is there."""
@@ -201,19 +201,19 @@ class Reception:
         arrival.length, arrival.now = len(message), now
         arrival.sender = peer.sender
         arrival.sequence = context.authenticator.head.sequence
-        # A WISH that does not count because of its age shows a token that never fits.
+        # Token 0 fits none: a desired motion too old or from the future does not count.
         self._age = self._age_of(now, command.watchdog, "wish_late")
         owns = peer.sender == command.sender and not self._age
         arrival.token = command.token if owns else 0
 
-    def _look_at_wish(self, outcome: int, now: int) -> str:
-        """Why a WISH was dropped, "" if it counts."""
+    def _note_outcome(self, outcome: int, now: int) -> str:
+        """Note what came of a desired motion; why it was dropped, "" if it counts."""
         context, drop = self._context, OUTCOMES[outcome]
         if not drop:
             context.command.heard = min(now, context.authenticator.head.stamp)
             context.counters.count("wishes")
         elif drop == "wish_not_finite":
-            # A WISH that is no number asks for no motion.
+            # A desired motion that is not finite requests none.
             context.command.heard = 0
         elif drop == "not_commander" and self._age:
             return self._age

@@ -1,15 +1,15 @@
-"""What is done to a running guard: one function a kind of fault."""
+"""Fault injection into a running guard: one function a kind of fault."""
 
 import os
 import signal
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from armguard.chaos.fault import Unplayable
+from armguard.chaos.fault import Injection, Unplayable
 from armguard.chaos.playground import Playground
 from armguard.chaos.relay import Tamper, honest
 from armguard.chaos.tampering import kind_of
@@ -20,8 +20,6 @@ from armguard.service.wire import Cause, Kind, Outbox, Role, Seal
 from armguard.service.wire.keys import keys_path
 from armguard.service.wire.layout import HELLO, MOST, NO_COOKIE
 
-Doing = Callable[[Playground], AbstractContextManager[None]]
-
 # Readers that never read.
 SLOW_READERS = 10
 
@@ -31,11 +29,11 @@ LONG = 60.0
 # What is seen of a clock before it is set back [s].
 BEFORE = 0.1
 
-# States and wishes an intruder sends, and every how many seconds.
+# States and desired motions an intruder sends, and every how many seconds.
 INTRUDES, EVERY = 40, 0.005
 
 
-def tampered(make: Callable[[Playground], Tamper]) -> Doing:
+def tampered(make: Callable[[Playground], Tamper]) -> Injection:
     """The relay does something to messages."""
 
     @contextmanager
@@ -50,7 +48,7 @@ def tampered(make: Callable[[Playground], Tamper]) -> Doing:
     return inject
 
 
-def killed(name: str) -> Doing:
+def killed(name: str) -> Injection:
     """A process is killed, kill -9, and started anew afterwards."""
 
     @contextmanager
@@ -70,7 +68,7 @@ def killed(name: str) -> Doing:
     return inject
 
 
-def paused(name: str) -> Doing:
+def paused(name: str) -> Injection:
     """A process is stopped for a while, SIGSTOP, as by a debugger or a full machine."""
 
     @contextmanager
@@ -86,7 +84,7 @@ def paused(name: str) -> Doing:
 
 @contextmanager
 def ended(ground: Playground) -> Iterator[None]:
-    """The service is told to end, SIGTERM, and started anew afterwards."""
+    """The service is ended, SIGTERM, and started anew afterwards."""
     ground.stage.crew.send("service", signal.SIGTERM)
     yield
     ground.stage.crew.end_one("service")
@@ -96,7 +94,7 @@ def ended(ground: Playground) -> Iterator[None]:
 
 @contextmanager
 def second_commander(ground: Playground) -> Iterator[None]:
-    """Somebody claims the command, is refused, and sends wishes all the same."""
+    """A client whose claim is refused sends desired motion all the same."""
     with Client(ground.stage.port, name="second commander", every=0) as other:
         other.connect()
         try:
@@ -111,7 +109,7 @@ def second_commander(ground: Playground) -> Iterator[None]:
 
 @contextmanager
 def second_controller(ground: Playground) -> Iterator[None]:
-    """Somebody else sends states of the same robots."""
+    """Another client sends states of the same robots."""
     with Client(ground.stage.port, name="second controller", every=0) as other:
         other.connect()
         for _ in range(INTRUDES):
@@ -200,7 +198,8 @@ def is_answered(one: socket.socket, *kinds: Kind) -> bool:
 @contextmanager
 def fixtures_removed(ground: Playground) -> Iterator[None]:
     """Clients remove what the scene does not call movable, with all keys there are."""
-    names = [name for name, thing in ground.scene.objects.items() if not thing.movable]
+    objects = ground.scene.objects.items()
+    names = [name for name, one in objects if not one.movable]
     if not names:
         raise Unplayable("the scene has no fixture")
     for role in Role:
@@ -236,7 +235,9 @@ def object_placed(ground: Playground) -> Iterator[None]:
         sensor.call("remove", name=free[0])
 
 
-def wrongly_seen(wrong: Callable[[float], Mapping[str, Any]], refused: str) -> Doing:
+def wrongly_seen(
+    wrong: Callable[[float], Mapping[str, Any]], refused: str
+) -> Injection:
     """A sensor sees an object that moves, and then sees it as it cannot be.
 
     Args:
@@ -312,7 +313,7 @@ def says(ground: Playground, cause: Cause) -> bool:
 
 @contextmanager
 def stop_ordered(ground: Playground) -> Iterator[None]:
-    """Somebody who only watches presses the stop."""
+    """An observer orders a stop."""
     ground.stage.client.stop()
     yield
 
@@ -350,7 +351,7 @@ def port_taken(ground: Playground) -> Iterator[None]:
 
 @contextmanager
 def flooded(ground: Playground) -> Iterator[None]:
-    """Somebody sends what is no message at all, as fast as he can for a while."""
+    """Datagrams that are no messages arrive as fast as they can be sent."""
     noise = [bytes([k]) * (23 * k) for k in range(1, 50)]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         for _ in range(10):
@@ -374,7 +375,7 @@ CALLS_AT_ONCE, AT_ONCE = 30, 1e-4
 COME = 200
 
 # Longest time until arms hear of a service that is back, and until answers or frames
-# show what was done [s].
+# show the injection [s].
 BACK = 30.0
 
 # The service with a wall clock that goes back by an hour when a file is there.
@@ -414,7 +415,7 @@ def wall_clock_set_back(ground: Playground) -> Iterator[None]:
         raise AssertionError("the frames do not show that the wall clock went back")
 
 
-def companion_killed(name: str, module: str, option: Sequence[str]) -> Doing:
+def companion_killed(name: str, module: str, option: Sequence[str]) -> Injection:
     """A process beside the service is killed."""
 
     @contextmanager
@@ -438,10 +439,10 @@ def companion_killed(name: str, module: str, option: Sequence[str]) -> Doing:
 
 
 def children(pid: int) -> list[int]:
-    """Processes that a process has started, where Linux tells.
+    """Processes that a process has started, as Linux reports them.
 
     Raises:
-        Unplayable: It does not.
+        Unplayable: Linux does not report them.
     """
     try:
         text = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii")
