@@ -20,7 +20,7 @@ from numba.extending import intrinsic
 
 if numba.config.DISABLE_JIT:
     # As on a stack: memory that is soon used again, though not before the kernel that
-    # asked for it has called all it calls.
+    # requested it has called all it calls.
     RECENT: deque[Any] = deque(maxlen=8192)
 
     def pointer(address: int) -> Any:

@@ -16,7 +16,7 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 
 # Address space that the libraries take before the first cycle [byte]. With less some
-# fail to load, and others ask for memory for ever.
+# fail to load, and others request memory for ever.
 LEAST_MEMORY = 900_000_000
 
 

@@ -6,8 +6,8 @@ kernels' sources, Python's binary interface and the processor. Where no such fol
 or a file is damaged, kernels are compiled as in a clone. The code has the bits of code
 that is compiled on the spot: Numba neither reorders nor contracts arithmetic.
 
-Only the package's own folder is looked into: who may write there may change the
-package too.
+Only the package's own folder is looked into: a user that may write there may
+change the package too.
 """
 
 import pickle
@@ -49,8 +49,8 @@ def place_of_ready_code(package: Path, kernels: str) -> Path:
 def usable(folder: Path) -> Path | None:
     """The folder; None if it is not there, or its code is not for this process.
 
-    It is not where the processor lacks an instruction, or where Numba is asked for code
-    of another kind.
+    It is not where the processor lacks an instruction, or where Numba is set to code of
+    another kind.
     """
     asked = (config.CPU_NAME, config.CPU_FEATURES, config.BOUNDSCHECK)
     if not folder.is_dir() or any(one is not None for one in asked):

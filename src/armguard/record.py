@@ -136,7 +136,7 @@ def maker(declared: type[Record]) -> Callable[[], Record]:
     dtype = dtype_of(declared)
     if numba.config.DISABLE_JIT:
         # As on a stack: memory that is soon used again, though not before the kernel
-        # that asked for it has called all it calls.
+        # that requested it has called all it calls.
         recent: deque[Any] = deque(maxlen=256)
 
         def interpreted() -> Any:

@@ -80,7 +80,9 @@ def test_stops_are_where_a_robot_begins_to_stop(evening: Evening, findings):
             expected.append((cycle, risen, cause, verdict.why))
         before = verdict.levels
     assert len(expected) >= 5
-    found = [(h.cycle, h.robots, h.told.cause, h.told.why) for h in findings.stops]
+    found = [
+        (h.cycle, h.robots, h.verdict.cause, h.verdict.why) for h in findings.stops
+    ]
     assert found == expected
     counts = {count.cause: count.stops for count in findings.causes}
     for cause in (Cause.LATENCY, Cause.DATA):
@@ -90,8 +92,8 @@ def test_stops_are_where_a_robot_begins_to_stop(evening: Evening, findings):
 def test_a_nan_is_a_needless_stop_and_counted_as_a_fault(findings):
     (halt,) = findings.stops_that_were(Sense.NEEDLESS)
     assert halt.cycle == FAULT_AT
-    assert halt.told.reason is Reason.NOT_FINITE
-    assert "left/joint1" in halt.told.why
+    assert halt.verdict.reason is Reason.NOT_FINITE
+    assert "left/joint1" in halt.verdict.why
     # The refused cycle has a time of its own, so the one after it is not late.
     assert findings.faults == 1
 
@@ -118,11 +120,11 @@ def test_near_misses_hold_every_stop_and_every_pair_too_near(
         own = [v.headroom.m for t, v in near if miss.began <= t - BEGIN <= miss.ended]
         assert miss.least_headroom == pytest.approx(min(own), abs=1e-12)
     first = next(v for _, v in near if v.level >= Level.STOP)
-    told = findings.near_misses[0].told
+    told = findings.near_misses[0].verdict
     assert told.why == first.why
     assert told.distance == first.nearest.distance
     assert told.needed == pytest.approx(first.budget.needed, abs=1e-9)
-    assert EVIL in findings.near_misses[1].told.why
+    assert EVIL in findings.near_misses[1].verdict.why
 
 
 def test_what_counts_as_a_near_miss_may_be_chosen(evening: Evening, names):
@@ -266,7 +268,10 @@ def test_findings_are_json(findings):
     answer = json.loads(text)
     assert answer["cycles"] == CYCLES
     assert sum(answer["stops_by_sense"].values()) == len(answer["stops"])
-    assert answer["stops"][0]["why"] == findings.stops[0].told.why
+    assert answer["stops"][0]["why"] == findings.stops[0].verdict.why
+    miss = answer["near_misses"][0]
+    assert miss["told"]["why"] == findings.near_misses[0].verdict.why
+    assert "verdict" not in miss
 
 
 def test_the_model_is_told_with_hashes_and_assumptions(filed):

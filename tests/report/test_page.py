@@ -166,9 +166,12 @@ def test_text_of_a_recording_is_escaped_wherever_it_is_shown(evening: Evening):
         problems=["<x-problem>"],
         events=[Event(0.0, Kind.EVENT, call) for call in calls],
         closest=[replace(found.closest[0], a="<x-body>")],
-        halts=[replace(halt, told=replace(halt.told, remedy="<x-remedy>"))],
+        halts=[replace(halt, verdict=replace(halt.verdict, remedy="<x-remedy>"))],
         near_misses=[
-            replace(miss, told=replace(miss.told, subject="<x-subject>", why="<x-why>"))
+            replace(
+                miss,
+                verdict=replace(miss.verdict, subject="<x-subject>", why="<x-why>"),
+            )
             for miss in found.near_misses
         ],
         model=model
@@ -276,7 +279,7 @@ def fixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     findings = replace(findings, source="<i>fixed<i>")
     assert findings.robots == ()
     assert [halt.robots for halt in findings.stops] == [("all",)]
-    assert findings.stops[0].told.subject.startswith("<b>arm<b>/")
+    assert findings.stops[0].verdict.subject.startswith("<b>arm<b>/")
     write_page(findings, folder / "fixed.html")
     return folder / "fixed.html"
 

@@ -64,7 +64,7 @@ def check_rows(
             first = start + lane * length
             if s.kept[lane] == 0 or (s.kept[lane] > 0 and above.best[lane] == -inf):
                 store(w.best, 0, splat(above.best[lane]))
-                store(w.who, 0, splat(-1.0))
+                store(w.pair, 0, splat(-1.0))
                 for at in range(first, min(first + length, q.shape[0]), WIDTH):
                     write_rows(at, w, found)
                 continue
@@ -105,7 +105,7 @@ def search_spans(joints: int, length: int, p: Plan, s: Scratch, w: Place) -> flo
         good = turn <= WIDE
         s.kept[lane] = 0 if good else -1
         w.best[lane] = s.settings.margin if good else -inf
-        w.who[lane] = -1.0
+        w.pair[lane] = -1.0
         narrow = narrow or good
     if narrow:
         move_bodies(p, w)
@@ -155,14 +155,14 @@ def take_rows(joints: int, first: int, doubtful: bool, s: Scratch, w: Place) -> 
         for row in range(WIDTH):
             w.q[k * WIDTH + row] = s.block[begin + row * joints + k]
     store(w.best, 0, splat(s.settings.margin))
-    store(w.who, 0, splat(-1.0))
+    store(w.pair, 0, splat(-1.0))
     if doubtful:
         for row in range(WIDTH):
             good = True
             for k in range(joints):
                 good = good and abs(w.q[k * WIDTH + row]) <= s.settings.limit
             if not good:
-                w.best[row], w.who[row] = -inf, -2.0
+                w.best[row], w.pair[row] = -inf, -2.0
                 for k in range(joints):
                     w.q[k * WIDTH + row] = 0.0
 
@@ -180,8 +180,8 @@ def settle_kept(lane: int, p: Plan, s: Scratch, w: Place) -> None:
 def keep_leads(w: Place) -> None:
     """Remember the pairs that decided."""
     for lane in range(WIDTH):
-        if w.who[lane] >= 0.0:
-            w.lead[lane] = w.who[lane]
+        if w.pair[lane] >= 0.0:
+            w.lead[lane] = w.pair[lane]
 
 
 @kernel
@@ -189,8 +189,8 @@ def write_rows(first: int, w: Place, found: Floats) -> None:
     """Write what eight rows have found."""
     keep_leads(w)
     for lane in range(min(WIDTH, found.shape[0] - first)):
-        who = int(w.who[lane])
+        pair = int(w.pair[lane])
         row = first + lane
-        found[row, 0] = nan if who == -2 else w.best[lane]
-        found[row, 1] = float(who >> SHIFT) if who >= 0 else -1.0
-        found[row, 2] = float(who & (CODE - 1)) if who >= 0 else -1.0
+        found[row, 0] = nan if pair == -2 else w.best[lane]
+        found[row, 1] = float(pair >> SHIFT) if pair >= 0 else -1.0
+        found[row, 2] = float(pair & (CODE - 1)) if pair >= 0 else -1.0

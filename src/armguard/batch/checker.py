@@ -518,7 +518,7 @@ class Checker:
                 shift=np.zeros(WIDTH * slots),
                 swing=np.zeros(WIDTH * slots),
                 best=np.zeros(WIDTH),
-                who=np.zeros(WIDTH),
+                pair=np.zeros(WIDTH),
                 lead=np.full(WIDTH, -1.0),
                 bound=np.zeros(WIDTH),
             )

@@ -114,7 +114,7 @@ def list_row(
     row: int, lane: int, p: Plan, s: Scratch, w: Place, found: Listing
 ) -> bool:
     """Add the pairs of one row to the listing; returns False if they do not fit."""
-    unjudged = w.who[lane] == -2.0
+    unjudged = w.pair[lane] == -2.0
     count, room = s.kept[lane], s.low.shape[0] // WIDTH
     if count < 0 and not unjudged:
         return False
@@ -140,7 +140,7 @@ def write_pair(
     """Write witness row and gradient of a listed pair; NaN where there is no pair."""
     i, j = found.pairs[at, 1], found.pairs[at, 2]
     witness, gradient = found.witness[at], found.gradient[at]
-    if i < 0 or w.who[lane] == -2.0:
+    if i < 0 or w.pair[lane] == -2.0:
         witness[:] = nan
         gradient[:] = nan
         return

@@ -35,8 +35,8 @@ CORNERS = (
 class Plan(NamedTuple):
     """Scene tables in the order in which a batch reads them; see `SceneTables`.
 
-    A part is what rides on one body in one rule group, or one primitive that stands
-    still. Balls follow the primitives as rows of their own.
+    A part is what rides on one body in one rule group, or one static primitive. Balls
+    follow the primitives as rows of their own.
 
     Attributes:
         parent: Parent body, shape (b,).
@@ -297,10 +297,10 @@ def plan_of(tables: SceneTables) -> Plan:
     group = np.array([tables.groups[first] for first, _ in spans], dtype=int)
     buffers = tables.buffers[group[pairs[:, 0]], group[pairs[:, 1]]]
     loose = np.full(moving, -np.inf)
-    stands = pairs[:, 1] >= moving
-    np.maximum.at(loose, pairs[stands, 0], buffers[stands])
+    static = pairs[:, 1] >= moving
+    np.maximum.at(loose, pairs[static, 0], buffers[static])
     begin = np.searchsorted(pairs[:, 0], np.arange(moving))
-    within = np.bincount(pairs[~stands, 0], minlength=moving)
+    within = np.bincount(pairs[~static, 0], minlength=moving)
     balls = np.array([[*rows.rows[k][1:4], rows.rows[k][0]] for _, _, k, _ in parts])
     nodes, links = trees(balls, list(range(moving, len(parts))))
     return Plan(

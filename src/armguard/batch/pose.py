@@ -43,7 +43,7 @@ class Place(NamedTuple):
             [rad].
         best: Least distance so far; of a span of rows, a number that no row's exceeds;
             of a span of a motion, 0, or -inf if a pair is not proven, shape (8,).
-        who: Its pair, i · CODE + j; -1 for none; of a span of a motion, -2 where the
+        pair: Its pair, i · CODE + j; -1 for none; of a span of a motion, -2 where the
             middle does not keep a buffer, shape (8,).
         lead: The last such pair of each lane, shape (8,).
         bound: Lower bounds of a pair, shape (8,) [m].
@@ -59,7 +59,7 @@ class Place(NamedTuple):
     shift: Vector
     swing: Vector
     best: Vector
-    who: Vector
+    pair: Vector
     lead: Vector
     bound: Vector
 

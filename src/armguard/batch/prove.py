@@ -135,7 +135,7 @@ def take_spans(starts: Floats, ends: Floats, t: Walk, w: Place) -> None:
     """Take up to eight spans of those that wait and still matter."""
     for lane in range(WIDTH):
         t.now[lane, 0] = -1
-        w.best[lane], w.who[lane] = -inf, -1.0
+        w.best[lane], w.pair[lane] = -inf, -1.0
         while t.size[0] > 0 and t.now[lane, 0] < 0:
             t.size[0] -= 1
             at = t.size[0]
@@ -160,7 +160,7 @@ def halve(lane: int, t: Walk, w: Place) -> None:
         t.reached[motion] = min(t.reached[motion], first)
         return
     middle = first + units // 2
-    if w.who[lane] == -2.0:
+    if w.pair[lane] == -2.0:
         t.reached[motion] = min(t.reached[motion], middle)
     if middle < t.reached[motion]:
         push(motion, middle, units // 2, smallest, t)

@@ -276,11 +276,11 @@ def settle(
         gap = gap + growth
         nearer = (gap < best) & (low < best)
     else:
-        who = load(w.who, 0)
-        nearer = (gap < best) | ((gap == best) & (splat(code) < who))
+        pair = load(w.pair, 0)
+        nearer = (gap < best) | ((gap == best) & (splat(code) < pair))
     if some(nearer):
         store(w.best, 0, either(nearer, gap - s.settings.drop, best))
-        store(w.who, 0, either(nearer, splat(code), load(w.who, 0)))
+        store(w.pair, 0, either(nearer, splat(code), load(w.pair, 0)))
 
 
 @kernel
@@ -290,7 +290,7 @@ def refuse(proven: Any, gap: Any, w: Place) -> None:
         return
     store(w.best, 0, either(proven, load(w.best, 0), -inf))
     failed = either(proven, splat(0.0), gap) < 0.0
-    store(w.who, 0, either(failed, splat(-2.0), load(w.who, 0)))
+    store(w.pair, 0, either(failed, splat(-2.0), load(w.pair, 0)))
 
 
 @kernel
@@ -338,14 +338,14 @@ def settle_by_bound(
         lane = lowest(left)
         left &= left - 1
         gap = gap_in_lane(i, j, lane, p, s, w) - buffer
-        best_here, who = w.best[lane], w.who[lane]
+        best_here, pair = w.best[lane], w.pair[lane]
         if w.mode[0] == MOTIONS:
             if not gap - w.bound[lane] >= best_here:
                 w.best[lane] = -inf
-                w.who[lane] = -2.0 if gap < 0.0 else who
-        elif not (gap > best_here or (gap == best_here and who <= code)):
+                w.pair[lane] = -2.0 if gap < 0.0 else pair
+        elif not (gap > best_here or (gap == best_here and pair <= code)):
             w.best[lane] = gap - s.settings.drop
-            w.who[lane] = code
+            w.pair[lane] = code
 
 
 @kernel

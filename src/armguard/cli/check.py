@@ -238,7 +238,7 @@ def lines_of(keys: list[tuple[str, ...]], file: Path) -> str:
 
 
 def verdict(lines: list[Merged]) -> str:
-    """The last line: READY, or what stands against it."""
+    """The last line: READY, or why not."""
     failures = sum(finding.status == "FAIL" for finding, _ in lines)
     warnings = sum(finding.status == "WARN" for finding, _ in lines)
     blocked = any(finding.blocks for finding, _ in lines)
@@ -250,7 +250,7 @@ def verdict(lines: list[Merged]) -> str:
 
 
 def counted(number: int, word: str) -> str:
-    """A number of things: "1 failure", "4 warnings"."""
+    """A count with its word: "1 failure", "4 warnings"."""
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 

@@ -149,7 +149,7 @@ def hull_support(row: Row, x: float, y: float, z: float) -> Vec3:
     count = int(row[5])
     v = numba.carray(pointer(int(row[4])), (3 * count,), np.float64)
     farther = numba.carray(stack(128), (BLOCK // 2,), np.float64)
-    # Unsigned: an index that cannot be negative is not asked for its sign.
+    # Unsigned: the sign of an index that cannot be negative is not examined.
     to_y, to_z = np.uint64(count), np.uint64(2 * count)
     best, most = 0, -np.inf
     for start in range(0, count, BLOCK):

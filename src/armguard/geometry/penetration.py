@@ -54,7 +54,7 @@ MOST_EDGES = 3 * MOST_FACES
 # Kind of an array of faces.
 FACES = records(0, Face).dtype
 
-# Numbers these take: what `stack` is asked for has to be a constant [-].
+# Numbers these take: the argument of `stack` has to be a constant [-].
 CORNER_ROOM = 3 * MOST_CORNERS
 FACE_ROOM = FACES.itemsize // 8 * MOST_FACES
 EDGE_ROOM = 2 * MOST_EDGES
@@ -78,7 +78,7 @@ def core_depth(
     v: Vec3,
     largest: float,
 ) -> tuple[float, Vec3]:
-    """Depth of two cores that meet, or come so near that it is hard to tell.
+    """Depth of two cores that meet, or are so near that rounding hides whether they do.
 
     Args:
         kind_a: ShapeKind of A, not a half-space.

@@ -26,7 +26,7 @@ HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 @kernel
 def place_point(T: Row, local: Row, at: int, out: Row) -> None:
-    """Write T times the point that stands at place `at` of a row."""
+    """Write T times the point at place `at` of a row."""
     x, y, z = local[at], local[at + 1], local[at + 2]
     out[at] = T[0] * x + T[1] * y + T[2] * z + T[3]
     out[at + 1] = T[4] * x + T[5] * y + T[6] * z + T[7]
@@ -35,7 +35,7 @@ def place_point(T: Row, local: Row, at: int, out: Row) -> None:
 
 @kernel
 def turn_row(T: Row, local: Row, at: int, out: Row) -> None:
-    """Write T times the direction that stands at place `at` of a row."""
+    """Write T times the direction at place `at` of a row."""
     x, y, z = local[at], local[at + 1], local[at + 2]
     out[at] = T[0] * x + T[1] * y + T[2] * z
     out[at + 1] = T[4] * x + T[5] * y + T[6] * z
@@ -48,12 +48,12 @@ def place_row(kind: int, local: Row, T: Row, out: Row) -> None:
 
     Args:
         kind: ShapeKind.
-        local: Row in the frame that stands at T, shape (16,).
+        local: Row in the frame T, shape (16,).
         T: Frame in the world, shape (12,).
         out: Row in the world, overwritten, shape (16,).
     """
     if kind <= CAPSULE or kind == TRIANGLE or kind == HALF_SPACE:
-        # What a kind does not use is 0: whoever looks for a NaN looks at all of a row.
+        # What a kind does not use is 0: a search for a NaN reads all of a row.
         for k in range(4, ROW_WIDTH):
             out[k] = 0.0
     out[0] = local[0]

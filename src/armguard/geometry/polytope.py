@@ -145,7 +145,7 @@ def nearest_point(corners: Matrix, faces: Records[Face], count: int) -> Vec3:
 
 @kernel
 def face_that_sees(faces: Records[Face], count: int, w: Vec3) -> int:
-    """The face over whose plane a corner stands out most."""
+    """The face beyond whose plane a corner lies farthest."""
     best, most = 0, -np.inf
     for f in range(count):
         height = dot(normal_of(faces[f]), w) - faces[f].distance

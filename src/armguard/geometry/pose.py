@@ -1,4 +1,4 @@
-"""Where a frame stands: rigid transforms at the edges, 3×4 rows in kernels.
+"""Poses of frames: rigid transforms at the edges, 3×4 rows in kernels.
 
 `T_a_b` takes coordinates in b to coordinates in a: x_a = T_a_b · x_b.
 """

@@ -149,7 +149,7 @@ def reduce_simplex(simplex: Matrix, count: int) -> tuple[int, Weights, Vec3, boo
         weights = (r, s, t, 0.0)
     else:
         inside, weights = on_tetrahedron(a, b, c, d)
-    # Of a sliver the nearest point is told badly, but this mean is surely in it.
+    # The nearest point of a sliver is inaccurate, but this mean is surely in it.
     nearest = scaled(weights[0], a)
     if weights[1] > 0.0:
         nearest = along(nearest, weights[1], b)

@@ -145,8 +145,8 @@ class Holding:
         item = self._object(name)
         holders = self.holders.get(name, [])
         if robot not in holders:
-            who = f"'{holders[0]}' does" if holders else "no robot does"
-            raise GraspError(f"'{robot}' does not hold '{name}'; {who}")
+            holder = f"'{holders[0]}' does" if holders else "no robot does"
+            raise GraspError(f"'{robot}' does not hold '{name}'; {holder}")
         left = [other for other in holders if other != robot]
         row = self.grippers.grips.objects[self._number(name)]
         self.grippers.grips.grippers[g].held_count -= 1

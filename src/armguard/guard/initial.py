@@ -164,8 +164,8 @@ def no_agreement(joints: int) -> Any:
 def ages_of_objects(count: int, tables: SceneTables) -> Floats:
     """Age beyond which a sighting of each primitive is refused, shape (count,) [s]."""
     found = np.full(count, np.inf)
-    for thing in tables.standing.values():
-        found[thing.first : thing.first + thing.count] = thing.stale
+    for item in tables.standing.values():
+        found[item.first : item.first + item.count] = item.stale
     return found
 
 

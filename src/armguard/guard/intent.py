@@ -140,13 +140,13 @@ def score_of(
         w: Workspace.
         m: Motion.
     """
-    own, thing = h.grippers[g], h.objects[o]
+    own, item = h.grippers[g], h.objects[o]
     if own.held_count > 0:
         return inf
-    first = thing.first
+    first = item.first
     if w.octree.residency[first].status == ABSENT or own.coarse != 0:
         return inf
-    near, aim, fast = thing.near, thing.aim, thing.intent_speed
+    near, aim, fast = item.near, item.aim, item.intent_speed
     if o == own.target:
         near, aim = near * NEAR_AGAIN, aim * NEAR_AGAIN
     else:
@@ -158,7 +158,7 @@ def score_of(
     if own.expired_target == o and own.target != o:
         return inf
     middle = middle_of(g, h, w)
-    other = velocity_of(middle, thing.body, u, m)
+    other = velocity_of(middle, item.body, u, m)
     for f in range(own.first_finger, own.end_finger):
         i = h.fingers[f].first
         moves = velocity_of(centre_of(i, w), int(w.bodies[i]), u, m)
@@ -166,18 +166,18 @@ def score_of(
             return inf
     moves = sub(velocity_of(middle, own.body, u, m), other)
     speed = norm(moves)
-    ahead = scaled(thing.near / speed if speed > DIRECTED_SPEED else 0.0, moves)
+    ahead = scaled(item.near / speed if speed > DIRECTED_SPEED else 0.0, moves)
     for k in range(ROW_WIDTH):
         way[k] = 0.0
     for k in range(3):
         way[1 + k] = way[4 + k] = middle[k]
-    from_middle = max(row_distance(way, first, thing.end, w), 0.0)
+    from_middle = max(row_distance(way, first, item.end, w), 0.0)
     for k in range(3):
         way[4 + k] = middle[k] + ahead[k]
-    beside = max(row_distance(way, first, thing.end, w), 0.0)
+    beside = max(row_distance(way, first, item.end, w), 0.0)
     if o == own.target:
         # A hand that hardly moves, as while the fingers close, has not turned away.
-        turned = not beside <= aim and speed > thing.creep
+        turned = not beside <= aim and speed > item.creep
     else:
         # A path past the object, or away from it, shows no intent.
         approaches = (
@@ -187,10 +187,10 @@ def score_of(
     if turned:
         return inf
     several = own.end_finger - own.first_finger > 1
-    if several and from_middle > 0.0 and speed > thing.creep:
+    if several and from_middle > 0.0 and speed > item.creep:
         # The object is not between the fingers yet, and has to get there.
         for f in range(own.first_finger, own.end_finger):
-            if runs_into(f, o, scaled(1.0 / speed, moves), thing.near, h, w):
+            if runs_into(f, o, scaled(1.0 / speed, moves), item.near, h, w):
                 return inf
     return float(beside + FROM_MIDDLE * from_middle)
 
@@ -198,13 +198,13 @@ def score_of(
 @kernel(inline=False)
 def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> float:
     """Distance of a gripper's fingers and an object; infinite beyond `within` [m]."""
-    own, thing = h.grippers[g], h.objects[o]
+    own, item = h.grippers[g], h.objects[o]
     witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
     kinds, rows = w.world.kinds, w.world.rows
     least = inf
     for f in range(own.first_finger, own.end_finger):
         for i in range(h.fingers[f].first, h.fingers[f].end):
-            for j in range(thing.first, thing.end):
+            for j in range(item.first, item.end):
                 if boxes_apart(w.world.boxes, i, j, within):
                     continue
                 measure(kinds[i], rows[i], kinds[j], rows[j], witness)
@@ -276,19 +276,19 @@ def velocity_of(p: Vec3, body: int, u: Floats, m: Motion) -> Vec3:
 @kernel
 def set_target(g: int, o: int, h: Grips, v: Watch) -> None:
     """Make an object the grasp target: open contracts between each finger and it."""
-    own, thing = h.grippers[g], h.objects[o]
+    own, item = h.grippers[g], h.objects[o]
     own.target = o
     now = now_of(v)
     for f in range(own.first_finger, own.end_finger):
         c = h.contracts[f]
         c.kind, c.gripper = ContractKind.INTENT, g
         c.first_a, c.end_a = h.fingers[f].first, h.fingers[f].end
-        c.first_b, c.end_b = thing.first, thing.end
-        c.group_a, c.group_b = h.fingers[f].group, thing.group
-        c.depth, c.creep = thing.depth, thing.creep
-        c.near, c.speed = thing.near, thing.intent_speed
+        c.first_b, c.end_b = item.first, item.end
+        c.group_a, c.group_b = h.fingers[f].group, item.group
+        c.depth, c.creep = item.depth, item.creep
+        c.near, c.speed = item.near, item.intent_speed
         c.gain = (c.speed - c.creep) / c.near
-        c.until, c.end_distance = now + thing.expiry, inf
+        c.until, c.end_distance = now + item.expiry, inf
         c.region = ANYWHERE
         open_contract(f, h)
 

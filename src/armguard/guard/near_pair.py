@@ -153,7 +153,7 @@ class NearPair:
 
     @property
     def _digits(self) -> int:
-        """Least count of digits of a millimetre that tell distance from `kept`."""
+        """Least count of digits of a millimetre in which distance and `kept` differ."""
         pair = (self.distance * 1e3, self.kept * 1e3)
         texts = ({f"{value:.{n}f}" for value in pair} for n in range(3))
         return next((n for n, both in enumerate(texts) if len(both) == 2), 3)

@@ -29,8 +29,8 @@ ABOUT_PAIRS = (
 # Reasons whose value is a time.
 IN_MILLISECONDS = (Reason.STAMP_AHEAD, Reason.STATE_STALE)
 
-# What is done at a level, in a word. The word of `RECOVER` is that of its reason.
-DOING = {
+# The action of a level, in a word. The word of `RECOVER` is that of its reason.
+ACTIONS = {
     Level.CLEAR: "clear",
     Level.CAUTION: "caution",
     Level.SLOW: "slowing",
@@ -97,17 +97,17 @@ def sentence_of(
         disproved: Joints that have not stopped as declared.
         fault: Fault of the input in words, or "".
     """
-    doing = DOING[level]
+    action = ACTIONS[level]
     if fault and reason is not Reason.OUT_OF_LIMITS:
-        return f"{doing}: {fault}"
+        return f"{action}: {fault}"
     if reason is Reason.OK and level is Level.CLEAR:
         return f"clear: nothing within {answer.names.tables.margin * 1e3:.0f} mm"
     k = deciding(reason, answer)
     if reason in ABOUT_PAIRS and k >= 0:
-        return pair_sentence(doing, reason, answer.pair(k))
+        return pair_sentence(action, reason, answer.pair(k))
     if answer.data[IN_HEADER.joint] >= 0.0:
-        return joint_sentence(doing, reason, answer, fault or OUTSIDE)
-    return input_sentence(doing, reason, answer, subject_of(reason, answer, disproved))
+        return joint_sentence(action, reason, answer, fault or OUTSIDE)
+    return input_sentence(action, reason, answer, subject_of(reason, answer, disproved))
 
 
 def subject_of(reason: Reason, answer: Answer, disproved: Sequence[str]) -> str:
@@ -136,13 +136,13 @@ def deciding(reason: Reason, answer: Answer) -> int:
     return answer.deciding(reason)
 
 
-def pair_sentence(doing: str, reason: Reason, pair: NearPair) -> str:
+def pair_sentence(action: str, reason: Reason, pair: NearPair) -> str:
     """Line of a reason that a pair explains."""
-    return f"{pair.distance_sentence}: {pair_demand(doing, reason, pair)}"
+    return f"{pair.distance_sentence}: {pair_demand(action, reason, pair)}"
 
 
-def pair_demand(doing: str, reason: Reason, pair: NearPair) -> str:
-    """What is done for a pair, and why."""
+def pair_demand(action: str, reason: Reason, pair: NearPair) -> str:
+    """The action for a pair, and why."""
     if reason is Reason.STOPPING:
         return "still stopping"
     if reason is Reason.RESTING:
@@ -152,12 +152,12 @@ def pair_demand(doing: str, reason: Reason, pair: NearPair) -> str:
     if reason is Reason.SHORT_TIME and isfinite(pair.time_left):
         milliseconds = round(pair.time_left * 1e3)
         if milliseconds == 0:
-            return f"{doing}, no headroom left"
-        return f"{doing}, stop needed in {milliseconds} ms"
-    return f"{doing}, {DECIDING.get(reason, pair.demand)}"
+            return f"{action}, no headroom left"
+        return f"{action}, stop needed in {milliseconds} ms"
+    return f"{action}, {DECIDING.get(reason, pair.demand)}"
 
 
-def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> str:
+def input_sentence(action: str, reason: Reason, answer: Answer, subject: str) -> str:
     """Line of a reason about a robot, an object or the cycle."""
     sentence, value = reason.sentence, float(answer.data[IN_HEADER.value])
     tables = answer.names.tables
@@ -169,13 +169,13 @@ def input_sentence(doing: str, reason: Reason, answer: Answer, subject: str) -> 
         sentence = f"{sentence} (by {value * -1e3:.1f} ms)"
     if reason is Reason.TIME_STILL:
         sentence = f"{sentence} ({value:.6f} s)"
-    said_already = sentence.startswith((doing, "still "))
+    said_already = sentence.startswith((action, "still "))
     if subject:
-        return f"'{subject}': {sentence if said_already else f'{doing}, {sentence}'}"
-    return sentence if said_already else f"{doing}: {sentence}"
+        return f"'{subject}': {sentence if said_already else f'{action}, {sentence}'}"
+    return sentence if said_already else f"{action}: {sentence}"
 
 
-def joint_sentence(doing: str, reason: Reason, answer: Answer, advice: str) -> str:
+def joint_sentence(action: str, reason: Reason, answer: Answer, advice: str) -> str:
     """Line of a reason about a joint, with advice where it is outside its limits."""
     k, value = (
         int(answer.data[IN_HEADER.joint]),
@@ -201,7 +201,7 @@ def joint_sentence(doing: str, reason: Reason, answer: Answer, advice: str) -> s
         sentence = f"its limits are [{lower:.4f}, {upper:.4f}]; {advice}"
     if reason in REMEDIES:
         sentence = f"{sentence}; {REMEDIES[reason]}"
-    return f"joint '{names.tables.q_names[k]}'{at}: {doing}, {sentence}"
+    return f"joint '{names.tables.q_names[k]}'{at}: {action}, {sentence}"
 
 
 def explanation_of(

@@ -131,7 +131,7 @@ def middle_gap(
         m: The prediction.
 
     Returns:
-        The bound; not positive where balls do not tell.
+        The bound; not positive where balls show nothing.
     """
     c = m.middle_balls[i]
     p = (c[0], c[1], c[2])

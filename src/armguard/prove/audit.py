@@ -23,7 +23,7 @@ class RowAudit:
     Attributes:
         robot: The robot.
         reason: What the file says.
-        source: Who says so: "srdf" or "scene".
+        source: Its file: "srdf" or "scene".
         proof: What is known of the pair.
         status: "proved", nothing is lost by not checking the pair: it never touches, or
             it always does, and the reason does not say otherwise; "contradicted", the
@@ -130,7 +130,7 @@ def audit_rows(
 
 
 def claim(reason: str) -> str:
-    """The word of an SRDF's reason, which stands behind the file's name."""
+    """The word of an SRDF's reason, which follows the file's name."""
     return reason.rpartition(": ")[2].strip().lower()
 
 

@@ -1,10 +1,10 @@
 """Bounds of a pair's distance over boxes of joint positions.
 
-Let the joints between two links stand in the middle of a box of positions, with half
+Let the joints between two links be in the middle of a box of positions, with half
 widths h. Two lower bounds of the distance over the box are known; the larger counts:
 
 - The distance in the middle minus the sway of both sides. Change the joints one after
-  the other, the one nearest to the root first: what a joint turns then still stands as
+  the other, the one nearest to the root first: what a joint turns then is still as
   in the middle of the box, so a point goes along a chord of no more than
   2 R sin(h / 2), where R is its distance from the axis in the middle. The sway of a
   shape is the sum of these chords, each for its farthest point. The signed distance
@@ -14,7 +14,7 @@ widths h. Two lower bounds of the distance over the box are known; the larger co
   reach, see `armguard.motion.gap_bound`. It feels only what a joint moves along the
   normal, and errs by the square of the widths where the first errs by the widths.
 
-Everything stands in the frame of the body that carries both chains.
+All coordinates are in the frame of the body that carries both chains.
 """
 
 from math import inf, pi, sin

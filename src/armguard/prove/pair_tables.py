@@ -248,7 +248,7 @@ def hold_points(shape: Shape, row: Floats, T: Floats) -> tuple[Floats, float]:
 
     Args:
         shape: The shape.
-        row: Its row where it stands.
+        row: Its row at its place.
         T: Its frame there, shape (4, 4).
     """
     kind = ShapeKind(shape.kind)

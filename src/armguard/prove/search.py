@@ -223,7 +223,7 @@ class PairSearch:
         """Remember the nearest and the farthest met on the way."""
         low, high = int(np.argmin(found["distance"])), int(np.argmax(found["distance"]))
         if found[low]["distance"] < self.least:
-            # Not every model was asked for its distance.
+            # The distance of the models was not measured.
             real = float(self._at(q[low : low + 1])[0]["distance"])
             if real < self.least:
                 self.nearest, self.least = q[low], real

@@ -2,8 +2,8 @@
 
 A hull closes the hollows of a mesh, and two links may stay apart although the hull of
 one overlaps the other. The hulls of a few neighbouring triangles follow the mesh. They
-hold its surface and not what it encloses; what that is worth is told in
-`armguard.prove.search`.
+hold its surface and not what it encloses; `armguard.prove.search`
+explains what that is worth.
 """
 
 from heapq import heappop, heappush

@@ -44,7 +44,7 @@ BLOCK = 2048
 
 # Findings that are in the JSON as they are.
 PLAIN = (
-    *("source", "info", "faults", "causes", "near_misses", "closeness", "closest"),
+    *("source", "info", "faults", "causes", "closeness", "closest"),
     *("deadline", "problems", "model"),
 )
 
@@ -92,7 +92,7 @@ class Findings:
 
     def stops_that_were(self, sense: Sense) -> list[Halt]:
         """Stops of one class."""
-        return [halt for halt in self.stops if halt.told.sense is sense]
+        return [halt for halt in self.stops if halt.verdict.sense is sense]
 
     @property
     def causes(self) -> list[CauseCount]:
@@ -163,6 +163,7 @@ class Findings:
             "time_at": plain(together),
             "time_at_by_robot": plain(dict(own)),
             "cycles_by_reason": plain(self.reasons),
+            "near_misses": [miss.to_dict() for miss in self.near_misses],
             "stops": [halt.to_dict() for halt in self.stops],
             "slows": [halt.to_dict() for halt in halts if not halt.stopped],
             "stops_by_sense": {s.value: len(self.stops_that_were(s)) for s in Sense},

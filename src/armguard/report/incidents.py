@@ -109,13 +109,13 @@ class Halt:
     robots: tuple[str, ...]
     stopped: bool  # a stop; else a slow
     order: Reason  # of the verdict
-    told: VerdictText
+    verdict: VerdictText
 
     def to_dict(self) -> dict[str, Any]:
         """The halt as plain values."""
         own = plain(self)
-        told = own.pop("told")
-        return {**own, **told}
+        verdict = own.pop("verdict")
+        return {**own, **verdict}
 
 
 class Halts:
@@ -159,11 +159,13 @@ def by_cause(halts: list[Halt]) -> list[CauseCount]:
     """Slows and stops by cause, most stops first."""
     counts = []
     for cause in (*Cause, None):
-        own = [halt for halt in halts if halt.told.cause is cause]
+        own = [halt for halt in halts if halt.verdict.cause is cause]
         stops = [halt for halt in own if halt.stopped]
         if own:
             # A remedy for the greatest deficit is one for the others too.
-            worst = max(stops or own, key=lambda halt: halt.told.deficit or 0.0).told
+            worst = max(
+                stops or own, key=lambda halt: halt.verdict.deficit or 0.0
+            ).verdict
             numbers = len(stops), len(own) - len(stops)
             reasons, lack = Counter(h.order for h in stops), worst.deficit
             counts.append(CauseCount(cause, *numbers, reasons, lack, worst.remedy))
@@ -191,10 +193,16 @@ class NearMiss:
     highest_level: Level
     cycle: int  # its main cycle
     t: float  # time of that cycle [s]
-    told: VerdictText  # verdict of that cycle
+    verdict: VerdictText  # verdict of that cycle
     least_headroom: float  # infinite if no pair is near [m]
     nearest_t: float  # its time [s]
     nearest: VerdictText  # verdict of that cycle
+
+    def to_dict(self) -> dict[str, Any]:
+        """The near miss as plain values; the key of its verdict is "told"."""
+        own = plain(self)
+        verdict = own.pop("verdict")
+        return {**own, "told": verdict}
 
     def joined(self, later: "NearMiss") -> "NearMiss":
         """This near miss and a later one as one."""

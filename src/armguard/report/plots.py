@@ -43,7 +43,7 @@ LETTERS = {
     for level in Level
 }
 
-# Patterns tell the areas of levels apart in black and white print.
+# Patterns distinguish the areas of levels in black and white print.
 PATTERNS = dict(zip(Level, ("", ".", "/", "", "\\", "x", "+"), strict=True))
 
 WORDS = {level: level.name.lower().replace("_", " ") for level in Level}
@@ -189,7 +189,7 @@ def time_line(findings: Findings) -> go.Figure:
         "%{text}",
         mode="markers",
         marker={"symbol": "triangle-down", "size": 10, "color": VERMILLION},
-        text=[plot_text(f"stop: {halt.told.why}") for halt in stops],
+        text=[plot_text(f"stop: {halt.verdict.why}") for halt in stops],
     )
     figure.add_trace(marks, 2, 1)
     figure.add_hline(

@@ -37,7 +37,7 @@ from armguard.respond.missed import note_missed
 from armguard.respond.program import BY_ROWS, add_pairs, breaks_rows, scale_back
 from armguard.respond.programs import solve_programs
 from armguard.respond.state import POSITIONS, STANDSTILL, TWISTS, Response
-from armguard.respond.tool_asking import ask_for_tools
+from armguard.respond.tool_asking import request_tools
 
 WRONG_COMMAND = int(Reason.WRONG_COMMAND)
 NO_WAY = int(Reason.NO_WAY)
@@ -68,7 +68,7 @@ def respond(a: Response, w: Workspace) -> int:
     hold(a, v, m)
     note_missed(a, v, m)
     if a.request.form == TWISTS:
-        ask_for_tools(a, w, m)
+        request_tools(a, w, m)
     take_requested(a, v, m)
     lead_robots(a, w)
     s = a.lead

@@ -146,7 +146,7 @@ def stand_to_positions(r: int, a: Response, m: Motion) -> None:
     if farthest <= NEAR_AGAIN * settings.far:
         notes.engagement = Engagement.FOLLOWING
     elif farthest > settings.far and notes.engagement == Engagement.FOLLOWING:
-        # The robot was delayed, the master jumped, or the robot starts elsewhere.
+        # The robot was delayed, the leader arm jumped, or the robot starts elsewhere.
         notes.engagement = Engagement.CATCHING_UP
         if notes.gave_positions == 0 and settings.far_start != 0.0:
             notes.engagement, notes.refused = Engagement.WAITING, 1

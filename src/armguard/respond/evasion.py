@@ -149,8 +149,8 @@ def evades(
     if not approaches:
         e.memory[r].clear_time += time_passed(v)
     ends = phase != RECOVERING and (asks or not approaches)
-    stands = notes.evading != 0 and not ends and e.memory[r].clear_time <= LINGERS
-    if not (stands or (approaches and is_threatened_at_rest(r, e, w, v))):
+    stays = notes.evading != 0 and not ends and e.memory[r].clear_time <= LINGERS
+    if not (stays or (approaches and is_threatened_at_rest(r, e, w, v))):
         forget_ways(r, e, m)
         return False
     # The robot is aside, and rests there until no obstacle could cause a stop.

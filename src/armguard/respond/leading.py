@@ -131,7 +131,7 @@ def draws(r: int, a: Response, s: Lead, m: Motion) -> bool:
 def follow_lead(r: int, follows: bool, a: Response, s: Lead, v: Watch) -> bool:
     """Whether a robot follows its request, its retreat considered.
 
-    A retreat needs no release by the operator and no master that is near; both are
+    A retreat needs no release by the operator and no leader arm that is near; both are
     required again after it. An evading robot has no other guidance, and a robot under
     an ordered stop has none at all.
     """

@@ -52,7 +52,7 @@ def spare_at_rest(
 
 
 @kernel
-def anybody_leaves(a: Response) -> bool:
+def any_robot_leaves(a: Response) -> bool:
     """Whether any robot recovers from pairs that are too near, or evades."""
     for r in range(a.notes.shape[0]):
         if a.notes[r].recovers != 0:

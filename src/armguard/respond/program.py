@@ -55,7 +55,7 @@ from armguard.respond.constraints import (
 from armguard.respond.evasion import gets_out_of_its_way
 from armguard.respond.joint_bounds import time_before_stop
 from armguard.respond.leaving import (
-    anybody_leaves,
+    any_robot_leaves,
     note_ways_out,
     only_out,
     spare_at_rest,
@@ -98,7 +98,7 @@ def add_pairs(a: Response, w: Workspace) -> None:
     a.loss.approach = 1.0 - exp(-dt / APPROACH_TIME)
     a.loss.holding = 1.0 - exp(-dt / HOLDING_TIME)
     write_costs(a, v, m)
-    if anybody_leaves(a):
+    if any_robot_leaves(a):
         note_ways_out(a, w)
     approaches = reaches_anything(w)
     for k in range(int(w.header.near_count)):

@@ -58,13 +58,13 @@ def lead_back(r: int, a: Response, s: Lead, v: Watch, m: Motion) -> bool:
         row = place_back(r, 0, s)
         time = time_between(r, row, s, m)
         if time > blind + (ARRIVED if last else PASSED):
-            ask_for_place(r, s.trail[row], time, last, a, s, v, m)
+            request_place(r, s.trail[row], time, last, a, s, v, m)
             return True
         drop_place(r, s)
     if notes.retreat == Retreat.STRAIGHT:
         time = time_to(r, s.safe, m)
         if time > blind + ARRIVED:
-            ask_for_place(r, s.safe, time, True, a, s, v, m)
+            request_place(r, s.safe, time, True, a, s, v, m)
             return True
         notes.retreat = Retreat.BRAKING
     if moves(r, v, m):
@@ -104,7 +104,7 @@ def blind_time(r: int, m: Motion) -> float:
 
 
 @kernel
-def ask_for_place(
+def request_place(
     r: int,
     place: Floats,
     time: float,

@@ -11,7 +11,7 @@ from armguard.respond.tool_motion import lead_tools, tool_columns
 
 
 @kernel
-def ask_for_tools(a: Response, w: Workspace, m: Motion) -> None:
+def request_tools(a: Response, w: Workspace, m: Motion) -> None:
     """Write the requested velocities of all joints; zero for robots without a twist.
 
     Args:

@@ -57,7 +57,7 @@ class KinematicTable:
 
 
 def kinematic_table(model: RobotModel) -> KinematicTable:
-    """Flat table of a robot whose root frame stands at the origin."""
+    """Flat table of a robot whose root frame is the world."""
     q_names = model.q_names
     children: dict[str, list[Joint]] = {}
     for joint in model.joints.values():

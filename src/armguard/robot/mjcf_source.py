@@ -298,12 +298,14 @@ class MujocoRobot:
         import mujoco
 
         kind = mujoco.mjtJoint(self.model.jnt_type[k]).name.removeprefix("mjJNT_")
-        limited, who = bool(self.model.jnt_limited[k]), f"joint '{self.joints[k]}'"
+        limited, name = bool(self.model.jnt_limited[k]), f"joint '{self.joints[k]}'"
         if kind in ADVICE:
-            raise self.fail("joints", k, f"{who} is {kind.lower()}; {ADVICE[kind]}")
+            raise self.fail("joints", k, f"{name} is {kind.lower()}; {ADVICE[kind]}")
         if kind == "SLIDE" and not limited:
             raise self.fail(
-                "joints", k, f'{who} slides and has no range; add `range="LOWER UPPER"`'
+                "joints",
+                k,
+                f'{name} slides and has no range; add `range="LOWER UPPER"`',
             )
         if kind == "SLIDE":
             return "prismatic"

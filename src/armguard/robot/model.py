@@ -127,7 +127,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class DisabledPair:
-    """A pair of links whose check somebody switched off.
+    """A pair of links that its file exempts from checking.
 
     Attributes:
         link_a: One link.

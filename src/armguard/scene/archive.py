@@ -132,7 +132,7 @@ def unpacked(archive: bytes) -> bytes:
 
 
 def hash_of(archive: bytes) -> str:
-    """What tells one archived scene from another, in hexadecimal digits."""
+    """What distinguishes archived scenes, in hexadecimal digits."""
     return blake2b(archive, digest_size=16).hexdigest()
 
 

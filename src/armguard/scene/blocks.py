@@ -60,7 +60,7 @@ def blocks_of(
     T: Floats,
     body: int,
 ) -> Iterator[Block]:
-    """Blocks of one owner whose frame stands at T in its body, or in the world."""
+    """Blocks of one owner whose frame is at T in its body, or in the world."""
     count = len(shapes) + sum(map(len, surfaces))
     if shapes:
         yield Block(
@@ -105,9 +105,9 @@ def stacked_rows(blocks: Sequence[Block]) -> Floats:
 def index_owners(blocks: Sequence[Block]) -> Ints:
     """What the index counts as one object, numbered, for each primitive, shape (p,).
 
-    What rides on one body is one, what stands still is one by its name; but each
+    What rides on one body is one, what is static is one by its name; but each
     triangle of a surface is one of its own. The index splits a leaf that holds many
-    objects, and a surface is not the few large things that parts of an object are.
+    objects, and a surface is not the few large items that parts of an object are.
     """
     numbers: dict[str | int, int] = {}
     used = 0

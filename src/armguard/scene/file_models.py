@@ -167,7 +167,7 @@ class RobotEntry(RobotSettings):
     home: dict[str, Number] = field(default_factory=dict)
     packages: dict[str, str] = field(default_factory=dict)
     xacro_args: dict[str, str | bool | int | float] = field(default_factory=dict)
-    # The default is that of the settings; a file may ask for less work.
+    # The default is that of the settings; a file may request less work.
     max_primitives: Annotated[int, Field(ge=1, le=64)]
 
 

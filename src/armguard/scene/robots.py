@@ -119,15 +119,15 @@ def scene_robot(
     """
     model, own_home, own = loaded
     warn_of_limits(f"robot '{name}'", model)
-    who, joint = f"robot '{name}'", model.q_names[0] if model.q_names else "joint"
-    base = checked_pose(f"{who}: base", base)
-    check_mapping(f"{who}: home", home, f"{{'{joint}': 0.1}}")
+    owner, joint = f"robot '{name}'", model.q_names[0] if model.q_names else "joint"
+    base = checked_pose(f"{owner}: base", base)
+    check_mapping(f"{owner}: home", home, f"{{'{joint}': 0.1}}")
     if stopping is None:
         stopping = own
     elif not isinstance(stopping, StoppingFigures):
-        check_mapping(f"{who}: stopping", stopping, "{'deceleration': 5.0}")
+        check_mapping(f"{owner}: stopping", stopping, "{'deceleration': 5.0}")
         stopping = declared_figures(model, stopping, own)
-        warn_of_deceleration(who, model, stopping)
+        warn_of_deceleration(owner, model, stopping)
     if settings.gripper is not None:
         check_links(name, model, settings.gripper)
     return SceneRobot(
@@ -141,7 +141,7 @@ def scene_robot(
     )
 
 
-def warn_of_limits(who: str, model: RobotModel) -> None:
+def warn_of_limits(owner: str, model: RobotModel) -> None:
     """Write to the log that joint limits look like degrees, if they do."""
     for joint in model.joints.values():
         most = max(abs(joint.lower), abs(joint.upper))
@@ -150,13 +150,15 @@ def warn_of_limits(who: str, model: RobotModel) -> None:
             log.warning(
                 "%s: the limits of joint '%s' in line %d are [%g, %g] rad, more than "
                 "two turns; if these are degrees, give radians: [%.4g, %.4g]",
-                *(who, joint.name, joint.line, joint.lower, joint.upper),
+                *(owner, joint.name, joint.line, joint.lower, joint.upper),
                 *(radians(joint.lower), radians(joint.upper)),
             )
             return
 
 
-def warn_of_deceleration(who: str, model: RobotModel, figures: StoppingFigures) -> None:
+def warn_of_deceleration(
+    owner: str, model: RobotModel, figures: StoppingFigures
+) -> None:
     """Write to the log that a deceleration looks like degrees, if it does."""
     for name, figure in zip(figures.joints, figures.deceleration, strict=True):
         turns = model.joints[name].kind is JointKind.REVOLUTE
@@ -164,7 +166,7 @@ def warn_of_deceleration(who: str, model: RobotModel, figures: StoppingFigures) 
             log.warning(
                 "%s: deceleration of joint '%s' is %g rad/s², and few arms brake so "
                 "hard; if these are degrees, give radians: %.3g",
-                *(who, name, figure, radians(figure)),
+                *(owner, name, figure, radians(figure)),
             )
             return
 
@@ -279,7 +281,7 @@ def fast_joints(robot: SceneRobot) -> list[str]:
 
 
 def response_settings(
-    who: str, response: ResponseName | ResponseSettings | Mapping[str, Any]
+    owner: str, response: ResponseName | ResponseSettings | Mapping[str, Any]
 ) -> ResponseSettings:
     """The settings, also from a name, or from a mapping as in a scene file.
 
@@ -288,7 +290,7 @@ def response_settings(
     """
     if isinstance(response, str):
         response = ResponseSettings(kind=response)
-    return checked(who, response, "response", ResponseSettings)
+    return checked(owner, response, "response", ResponseSettings)
 
 
 def check_mode(what: str, mode: Mode) -> Mode:

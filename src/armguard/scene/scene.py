@@ -182,15 +182,15 @@ class Scene(Contents):
             FiguresError: A figure cannot be true.
         """
         self._check_name(name)
-        who, given = f"robot '{name}'", dict[str, Any](settings)
+        owner, given = f"robot '{name}'", dict[str, Any](settings)
         if given.get("mode") is None:
             given["mode"] = self.mode
         if "response" in given:
-            given["response"] = response_settings(who, given["response"])
+            given["response"] = response_settings(owner, given["response"])
         robot = scene_robot(
             name,
             load_robot(urdf, srdf, packages),
-            checked(who, RobotSettings(**given)),
+            checked(owner, RobotSettings(**given)),
             base=base,
             stopping=stopping,
             home=home,
@@ -198,7 +198,7 @@ class Scene(Contents):
         robot = self._fitted(robot, progress)
         self._robots[name] = robot
         self.notes += [
-            f"{who}: {note}" for note in (*robot.model.notes, *fast_joints(robot))
+            f"{owner}: {note}" for note in (*robot.model.notes, *fast_joints(robot))
         ]
         return robot
 

@@ -192,7 +192,7 @@ def adapter(kind: Any) -> TypeAdapter[Any]:
 
 
 def checked(
-    who: str,
+    owner: str,
     settings: Settings | Mapping[str, Any],
     under: str = "",
     kind: type[Settings] | None = None,
@@ -200,7 +200,7 @@ def checked(
     """Settings that can be true, each in the form in which it is declared.
 
     Args:
-        who: Whose they are, for messages.
+        owner: Whose they are, for messages.
         settings: The settings, or a mapping with their keys.
         under: What these are of their owner, such as "response".
         kind: Class of the settings of a mapping.
@@ -221,7 +221,7 @@ def checked(
             did_you_mean(str(keys[-1]), meanings(declared)) if len(keys) == 1 else ""
         )
         said = "; ".join(filter(None, ("there is no such key", known)))
-        raise SceneError(f"{who}: {path}: {said}")
+        raise SceneError(f"{owner}: {path}: {said}")
     is_own = error["type"] == "value_error"
     if keys and not is_own:
         unit = UNIT.search(meanings(declared).get(str(keys[-1]), ""))
@@ -233,7 +233,7 @@ def checked(
     path = ".".join(filter(None, (under, *map(str, keys))))
     if path:
         path += "." if is_own and not sentence.startswith("is ") else " "
-    raise SceneError(f"{who}: {path}{sentence}")
+    raise SceneError(f"{owner}: {path}{sentence}")
 
 
 def meanings(kind: type) -> dict[str, str]:

@@ -27,8 +27,8 @@ class RobotPart:
         joint_count: How many it has.
         joints: Their names in the URDF.
         mode: What its buffer follows.
-        stopping: How it stops; None if nobody said, which mode "fixed" allows.
-        response: What it does about what is near.
+        stopping: How it stops; None if not declared, which mode "fixed" allows.
+        response: Its response near other bodies.
         tool: Its tool's link, 'robot/link'.
     """
 
@@ -74,7 +74,7 @@ class SceneTables:
         T_parent_joint: Joint frame in the parent body's, 3×4 by rows, shape (b, 12).
         axis: Unit joint axis, shape (b, 3).
         kinds: ShapeKind of each primitive, shape (p,).
-        bodies: Body a primitive rides on, -1 if it stands still, shape (p,).
+        bodies: Body a primitive rides on, -1 if it is static, shape (p,).
         owners: What the index counts as one object, see `index_owners`, shape (p,).
         local_rows: Rows in the frame of the body, or in the world, shape (p, 16).
         groups: Rule group of each primitive, shape (p,).
@@ -89,7 +89,7 @@ class SceneTables:
         model_errors: How far a primitive may reach beyond the surface it encloses,
             shape (p,) [m].
         shapes: Shapes whose numbers rows lead to; kept so that these live as long.
-        standing: Objects that stand still, by name.
+        standing: Static objects, by name.
         exact: The second stage of links: their collision geometry itself.
         cube_centre: Centre of the octree's root cube, shape (3,) [m].
         cube_edge: Its edge [m].
@@ -98,7 +98,7 @@ class SceneTables:
         robots: Robots in the order of q.
         links: Frame of each link, by 'robot/link'.
         robot_of_primitive: Robot each primitive rides on, -1 for none: of what may be
-            gripped, while nobody holds it, shape (m,).
+            gripped, while no robot holds it, shape (m,).
         base_reach: Radius about its robot's base that no point of a moving primitive
             leaves, shape (m,) [m].
         top_speeds: Greatest speed of each primitive that no robot moves, shape (p,),

@@ -28,7 +28,7 @@ APPROACH = 3.0
 
 # Shares of the legs that lead all arms to one point, and of the others those that lead
 # an arm to a stationary object.
-MEETINGS, TO_A_THING = 0.4, 0.5
+MEETINGS, TO_AN_OBJECT = 0.4, 0.5
 
 # Legs that are remembered; a forgotten one is drawn again, the same.
 REMEMBERED = 64
@@ -167,7 +167,7 @@ class TeleDriver:
         meet, where = common.random(), common.random()
         if meet < MEETINGS and len(self._meetings):
             target = reach.nearest(self._meetings[int(where * len(self._meetings))])
-        elif rng.random() < TO_A_THING and places:
+        elif rng.random() < TO_AN_OBJECT and places:
             target = reach.nearest(places[int(rng.integers(len(places)))])
         else:
             target = reach.q[int(rng.integers(len(reach.q)))]

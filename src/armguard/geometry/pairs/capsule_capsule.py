@@ -64,7 +64,7 @@ def crossing_normal(u: Vec3, v: Vec3, w: Vec3) -> Vec3:
     n = cross(u, v)
     length = norm(n)
     if length > PLANE_SIN * norm(u) * norm(v):
-        # Towards B as far as that can be told, so that a pass through the crossing
+        # Towards B as far as that is known, so that a pass through the crossing
         # does not flip it by chance.
         return scaled((1.0 if dot(n, w) >= 0.0 else -1.0) / length, n)
     return any_perpendicular(u if dot(u, u) >= dot(v, v) else v)

@@ -120,7 +120,7 @@ def distinct(points: Floats) -> tuple[Floats, NDArray[np.intp]]:
 
 
 def hull_indices(points: Floats) -> Sequence[int] | NDArray[np.intp]:
-    """Corners of points that span their space; all of them if qhull cannot tell."""
+    """Corners of points that span their space; all of them where qhull fails."""
     spread = np.ptp(points, axis=0)
     scaled = (points - points.min(axis=0)) / spread.max()
     try:

@@ -1,4 +1,4 @@
-"""The kinds of shapes, as the kernels tell them apart."""
+"""The kinds of shapes, as the kernels distinguish them."""
 
 from enum import IntEnum
 

@@ -17,8 +17,8 @@ is for; places that are not named are 0:
 
 R goes row by row; its columns are the axes of the shape's frame. *Reach* is the largest
 distance of a point of the core from the origin. An address is a whole number below 2⁵³,
-which a float64 holds exactly; whoever keeps such a row keeps the shape as well, since
-the numbers it leads to live as long as the shape does.
+which a float64 holds exactly; an owner of such a row keeps the shape as well, since
+the numbers at the address live as long as the shape does.
 """
 
 from collections.abc import Sequence
@@ -52,11 +52,11 @@ class HasRow(Protocol):
     """Anything that can write its row."""
 
     def row(self, T: Floats) -> Floats:
-        """Table row where the frame stands at T."""
+        """Table row where the frame is at T."""
 
 
 def shape_row(shape: HasRow, T: Floats | None = None) -> Floats:
-    """Table row of a shape whose frame stands at `T`, shape (ROW_WIDTH,).
+    """Table row of a shape whose frame is at `T`, shape (ROW_WIDTH,).
 
     Args:
         shape: The shape.

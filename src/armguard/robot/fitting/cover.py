@@ -1,4 +1,4 @@
-"""Primitives around a triangle soup: one, or as many as the target asks for."""
+"""Primitives around a triangle soup: one, or as many as the target needs."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,6 @@ def promising_cuts(triangles: Floats) -> list[list[Floats]]:
 
 
 def quick_reach(points: Floats) -> float:
-    """Overreach of a primitive around points that nobody refined [m]."""
+    """Overreach of a primitive around points, not refined [m]."""
     capsule = best_capsule(points, refine=False)
     return min(capsule.reach, best_box(points, refine=False).reach)

@@ -12,7 +12,7 @@ from armguard.robot.fitting.enclose import SEAM
 
 Floats = NDArray[np.float64]
 
-# Sides of the prism that stands for a cylinder where several primitives are needed;
+# Sides of the prism that replaces a cylinder where several primitives are needed;
 # it is drawn around the cylinder, and reaches 0.2 % of the radius beyond it.
 SIDES = 48
 

@@ -1,4 +1,4 @@
-"""Overreach: how far the fitted surface stands off the surface it encloses."""
+"""Overreach: distance of the fitted surface from the surface it encloses."""
 
 from collections.abc import Sequence
 from math import sqrt

@@ -27,7 +27,7 @@ Progress = Callable[[str, int, int], None]
 # about half a kilobyte, so this many are some 5 GB.
 MAX_TRIANGLES = 10_000_000
 
-# The same for a mesh of a scene file; it may ask for as many as `MAX_TRIANGLES`.
+# The same for a mesh of a scene file; it may declare as many as `MAX_TRIANGLES`.
 MAX_TRIANGLES_OF_FILE = 2_000_000
 
 HEADER = 80
@@ -184,7 +184,7 @@ def in_memory(name: str, rows: Floats, chosen: NDArray[np.integer]) -> TriangleS
 def binary_stl_count(path: Path) -> int | None:
     """Triangles a binary STL holds, None if the file is text.
 
-    The length tells the two apart: files exist whose binary header begins with
+    The length decides between the two: files exist whose binary header begins with
     'solid', the first word of a text file.
 
     Raises:

@@ -79,12 +79,12 @@ class Surface:
 
 
 def place_triangles(rows: Floats, T: Floats, out: Floats) -> None:
-    """Rows of triangles whose frame stands at T.
+    """Rows of triangles whose frame is at T.
 
     Args:
         rows: Their rows in that frame, shape (k, 16).
         T: The frame, shape (4, 4).
-        out: Rows in the frame T is told in, overwritten, shape (k, 16); may be `rows`.
+        out: Rows in the frame in which T is, overwritten, shape (k, 16); may be `rows`.
     """
     R, p = T[:3, :3], T[:3, 3]
     for start in range(0, len(rows), STRIDE):
