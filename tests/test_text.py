@@ -2,7 +2,9 @@
 
 import ast
 import inspect
+import io
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -36,6 +38,7 @@ BANNED = {
     "comers": r"\bcomers?\b",
     "doings": r"\bdoings?\b",
     "thing: name it": r"\bthings?\b",
+    "whereabouts: place": r"\bwhereabouts\b",
     # Ideas of the glossary under another name.
     "wish: desired motion": r"\bwish(?:es|ed)?\b",
     "master arm: leader arm": r"\bmaster(?: arm)?\b(?! boot)",
@@ -47,13 +50,24 @@ BANNED = {
 # A message of the protocol, whose name stays.
 MESSAGE = "WISH"
 
+# Names that clients and files rely on: the row of the message, its option, the command
+# of a recorded frame, and a method of Python's files.
+PUBLISHED = {"Wish", "wish_watchdog", "told", "tell"}
 
-def hits(text: str) -> list[str]:
+# The same in comments and docstrings: a name in quotation marks, or beside `asked`.
+NAMED = re.compile(r"`[^`]*`|\"[^\"\s]*\"|\basked(?:,| \(k\) \|) told\b")
+
+# Patterns that hold for text that people read, and not for every comment.
+ONLY_IN_TEXT = ("'what is ...' in place of a noun", "of its own: separate")
+
+
+def hits(text: str, but_for: tuple[str, ...] = ()) -> list[str]:
     """Banned patterns of a text, each with the words around it."""
-    text = text.replace(MESSAGE, "MESSAGE")
+    text = re.sub(rf"\b{MESSAGE}\b", "MESSAGE", text)
     return [
         f"{pattern}: ...{text[max(found.start() - 40, 0) : found.end() + 40]!r}..."
         for pattern, banned in BANNED.items()
+        if pattern not in but_for
         for found in re.finditer(banned, text, re.IGNORECASE)
     ]
 
@@ -202,6 +216,69 @@ def test_errors(path):
 def test_words_of_messages_the_page_and_the_report(path):
     tree = without_docstrings(ast.parse(path.read_text(encoding="utf-8")))
     assert not hits("\n".join(text for text in strings(tree) if " " in text))
+
+
+def words_of_names(source: str) -> list[str]:
+    """Each name of a source file as words, those that are published left out."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    names = {token.string for token in tokens if token.type == tokenize.NAME}
+    parts = re.compile(r"_+|(?<=[a-z0-9])(?=[A-Z])")
+    return [parts.sub(" ", name) for name in sorted(names - PUBLISHED)]
+
+
+def remarks(source: str) -> list[str]:
+    """Comments of a source file, and its docstrings, also private ones."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    comments = [token.string for token in tokens if token.type == tokenize.COMMENT]
+    docstrings = [
+        node.value.value
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    ]
+    return ["\n".join(comments), *docstrings]
+
+
+def code_hits(source: str) -> list[str]:
+    """Banned patterns in names, comments and docstrings of a source file."""
+    said = [NAMED.sub("NAME", text) for text in remarks(source)]
+    texts = [". ".join(words_of_names(source)), *said]
+    return [hit for text in texts for hit in hits(text, but_for=ONLY_IN_TEXT)]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "told_at = 1",
+        "AS_WISHED = 1",
+        "class DoingLess: ...",
+        "def f(thing): ...",
+        "who = 1",
+        "# It stands still.",
+        'def _f():\n    """What robots are told."""',
+        'SIZE = 1\n"""A number of things."""',
+    ],
+)
+def test_a_banned_pattern_is_found_in_code(source):
+    assert code_hits(source)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "HAS_WISH = Kind.WISH",
+        "frame.told = settings.wish_watchdog",
+        "# The row `told` of a frame; a WISH follows.",
+    ],
+)
+def test_published_names_pass_in_code(source):
+    assert not code_hits(source)
+
+
+@pytest.mark.parametrize("path", sources("."), ids=lambda path: path.stem)
+def test_names_comments_and_docstrings(path):
+    assert not code_hits(path.read_text(encoding="utf-8"))
 
 
 # Comments, and strings with more than one word, of C and JavaScript.
