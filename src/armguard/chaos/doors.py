@@ -20,7 +20,7 @@ ANSWER = 2.0
 # Requested sockets, and forged commands.
 TRIES = 20
 
-# Asks for a socket of the page, as a page of another site does.
+# Requests a socket of the page, as a page of another site does.
 HANDSHAKE = (
     "GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nOrigin: http://evil.example\r\n"
     "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
@@ -38,7 +38,7 @@ BOMBS = {"merges": MERGES, "depth": "[" * 5000, "outside": OUTSIDE}
 
 @contextmanager
 def page_of_another_site(ground: Playground) -> Iterator[None]:
-    """A page of another site asks for sockets of the operator's page."""
+    """A page of another site requests sockets of the operator's page."""
     if find_spec("viser") is None:
         raise Unplayable("the page needs the extra 'view'")
     own = ("-m", "armguard.view", "--page-port", "0")

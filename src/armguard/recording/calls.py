@@ -206,7 +206,7 @@ class Configure(Call, call="configure", right=Role.ADMINISTER):
 
 
 class Why(Call, call="why", right=Role.OBSERVE):
-    """Asks for the last cycle in words."""
+    """Requests the last cycle in words."""
 
 
 class ListObjects(Call, call="objects", right=Role.OBSERVE):
@@ -220,7 +220,7 @@ class OrderStop(Call, call="stop", right=Role.OBSERVE):
 
 
 class Ping(Call, call="ping", right=Role.OBSERVE):
-    """Asks for the number of the next cycle."""
+    """Requests the number of the next cycle."""
 
 
 def call_of(event: Mapping[str, Any]) -> GuardCall:

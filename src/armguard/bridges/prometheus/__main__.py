@@ -59,7 +59,7 @@ def start_page(registry: CollectorRegistry, port: int) -> WSGIServer:
     """Serve metrics at http://127.0.0.1:PORT/metrics until the server is shut down.
 
     Only requests for this machine by a name of its own get an answer: a page of the web
-    whose name leads here asks for that name. Port 0 is any that is free.
+    whose name leads here requests that name. Port 0 is any that is free.
 
     Raises:
         ExporterError: The port is taken.

@@ -36,7 +36,7 @@ class Sender(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its name for everybody; it does not disclose the session."""
+        """Its public name; it does not disclose the session."""
         return blake2s(self.session, digest_size=8).hexdigest()
 
 

@@ -101,7 +101,7 @@ def access_control(root: str) -> dict[str, Any]:
         for flow, messages, keys in (
             ("ingress", ["put"], taken),
             ("ingress", ["query"], calls),
-            # Others may ask for every key; they receive those that are published.
+            # Others may request every key; they receive those that are published.
             ("ingress", ["declare_subscriber"], ["**"]),
             ("egress", ["put"], published),
             ("egress", ["reply", "declare_queryable"], calls),

@@ -39,7 +39,7 @@ class Cycles:
         self._period = int(period * NANO)
         self._limit = int((period + settings.late) * NANO)
         # A state is waited for beyond the period, but never longer than the guard
-        # bears a cycle to be late.
+        # permits a cycle to be late.
         self._grace = int(min(settings.late, period) * NANO) // 2
         self._spin = int(settings.spin * NANO)
         self.expected = NEVER

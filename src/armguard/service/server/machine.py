@@ -11,7 +11,7 @@ CURRENT_AND_FUTURE = 3
 
 
 def ask_realtime() -> str:
-    """Ask for real-time scheduling; why not, or ""."""
+    """Request real-time scheduling; why not, or ""."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except (AttributeError, OSError) as error:

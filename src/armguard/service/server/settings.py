@@ -42,8 +42,8 @@ class ServiceSettings:
     # The ring's file; one in memory, named after the port, if None.
     ring: Path | None = None
     ring_size: int = 64 << 20  # [bytes]
-    realtime: bool = False  # whether to ask for real-time scheduling
-    lock_memory: bool = False  # whether to ask for memory that is never swapped out
+    realtime: bool = False  # whether to request real-time scheduling
+    lock_memory: bool = False  # whether to request memory that is never swapped out
     cpu: int | None = None  # processor to stay on; any if None
     # Processes to start beside, by name, with their arguments.
     companions: dict[str, tuple[str, ...]] = field(default_factory=dict)
