@@ -19,25 +19,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import RingError
-from armguard.record import dtype_of
 
 Floats = NDArray[np.float64]
 
-
-class Head:
-    """The first words of the file; the others are the ring's."""
-
-    magic: int
-    capacity: int  # words of the ring
-    head: int  # where the next record starts, counted in words from the first one ever
-    tail: int  # where the oldest record starts that is still whole
-    last: int  # where the newest record starts, NONE before there is one
-    written: int  # records written
-    closed: int  # 1 after the writer said that no more follow
-    reserved: int
-
-
-HEAD = dtype_of(Head)
+# The first words of the file; the others are the ring's.
+HEAD = np.dtype(
+    [
+        ("magic", np.int64),
+        ("capacity", np.int64),  # words of the ring
+        ("head", np.int64),  # where the next record starts, in words from the first
+        ("tail", np.int64),  # where the oldest record starts that is still whole
+        ("last", np.int64),  # where the newest record starts, NONE before there is one
+        ("written", np.int64),  # records written
+        ("closed", np.int64),  # 1 after the writer said that no more follow
+        ("reserved", np.int64),
+    ]
+)
 WORDS = HEAD.itemsize // 8
 
 OURS = 0x41524D475249_01
