@@ -2,7 +2,9 @@
 
 import pytest
 
+from armguard import Pose, Scene, Sphere
 from armguard.scene import load_scene
+from armguard.scene.compile import compile_scene
 from armguard.scene.yaml_source import SceneFileError
 
 ARM = """<robot name="r"><link name="a"><collision><geometry><sphere radius="0.1"/>
@@ -131,3 +133,17 @@ def test_an_unknown_robot_is_answered_by_the_list_of_names(name, tmp_path):
     said = str(caught.value)
     assert "did you mean" not in said
     assert "one of the named robots: baxter, g1, kinova, panda, " in said
+
+
+def test_at_most_ten_objects_in_millimetres_are_named_and_all_are_counted(
+    tmp_path, caplog
+):
+    (tmp_path / "arm.urdf").write_text(ARM)
+    scene = Scene()
+    scene.add_robot(tmp_path / "arm.urdf", "arm", mode="fixed")
+    for k in range(12):
+        scene.add(Sphere(radius=0.1), f"ball{k}", pose=Pose(xyz=(50, 0, k)))
+    compile_scene(scene)
+    *named, counted = caplog.messages
+    assert [words.split()[1] for words in named] == [f"'ball{k}':" for k in range(10)]
+    assert counted == "12 objects look like millimetres; 10 of them are named above"

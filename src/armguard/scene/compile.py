@@ -1,5 +1,6 @@
 """From a scene to flat tables."""
 
+import logging
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
@@ -28,9 +29,12 @@ from armguard.scene.hold_tables import (
     free_coarse,
 )
 from armguard.scene.layout import Layout, PrimitiveNames
+from armguard.scene.objects import NAMED_STRANGE
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.standing import standing_objects
 from armguard.scene.tables import LinkFrame, RobotPart, SceneTables
+
+log = logging.getLogger("armguard")
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -47,6 +51,12 @@ def compile_scene(scene: Scene) -> SceneTables:
         SceneError: The scene contradicts itself.
     """
     scene.validate()
+    if scene.strange_count > NAMED_STRANGE:
+        log.warning(
+            "%d objects look like millimetres; %d of them are named above",
+            scene.strange_count,
+            NAMED_STRANGE,
+        )
     layout = Layout.of(scene)
     blocks = sorted(
         [*link_blocks(layout), *object_blocks(layout)],

@@ -75,6 +75,7 @@ class Contents:
         self.set_margin(margin)
         self._robots: dict[str, SceneRobot] = {}
         self._objects: dict[str, SceneObject] = {}
+        self.strange_count = 0  # objects whose lengths look like millimetres
         self.allowances: list[Allowance] = []
         self.pair_buffers: dict[tuple[str, str], float] = {}
 

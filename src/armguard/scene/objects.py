@@ -23,6 +23,9 @@ Part = Shape | PlacedShape | Surface
 
 ORIGIN = Pose()
 
+# Objects of a scene that the log names because they look like millimetres.
+NAMED_STRANGE = 10
+
 # Objects are seldom faster than this [m/s].
 FAST_OBJECT = 15.0
 
@@ -81,9 +84,6 @@ def scene_object(
         pose=checked_pose(f"object '{name}': pose", pose),
         **vars(settings),
     )
-    lengths = [longest_number(placed.shape) for placed in made.shapes]
-    lengths += [longest_side(surface) for surface in made.surfaces]
-    warn_of_length(f"object '{name}'", max(lengths))
     if made.top_speed > FAST_OBJECT:
         log.warning(
             "object '%s': top_speed is %g m/s; if these are millimetres a second, "
@@ -117,8 +117,12 @@ def checked_pose(what: str, pose: object) -> Pose:
         raise SceneError(
             f"{what}: rpy {list(pose.rpy)} looks like degrees; give radians"
         )
-    warn_of_length(what, max(map(abs, pose.xyz)))
     return pose
+
+
+def looks_like_millimetres(length: float) -> bool:
+    """Whether a length looks like millimetres [m]."""
+    return LOOKS_LIKE_MILLIMETRES < length < inf
 
 
 def warn_of_length(what: str, length: float) -> bool:
@@ -128,7 +132,7 @@ def warn_of_length(what: str, length: float) -> bool:
         what: What is so long or so far away.
         length: The length [m].
     """
-    strange = LOOKS_LIKE_MILLIMETRES < length < inf
+    strange = looks_like_millimetres(length)
     if strange:
         log.warning(
             "%s: %g m look like millimetres; give metres: %g",
@@ -137,6 +141,18 @@ def warn_of_length(what: str, length: float) -> bool:
             length * 1e-3,
         )
     return strange
+
+
+def strange_lengths(item: SceneObject) -> dict[str, float]:
+    """Size and distance of an object that look like millimetres, by their names [m]."""
+    sizes = [longest_number(placed.shape) for placed in item.shapes]
+    sizes += [longest_side(surface) for surface in item.surfaces]
+    lengths = {"": max(sizes), ": pose": max(map(abs, item.pose.xyz))}
+    return {
+        f"object '{item.name}'{what}": length
+        for what, length in lengths.items()
+        if looks_like_millimetres(length)
+    }
 
 
 def longest_number(shape: Shape) -> float:

@@ -121,6 +121,7 @@ def scene_robot(
     warn_of_limits(f"robot '{name}'", model)
     owner, joint = f"robot '{name}'", model.q_names[0] if model.q_names else "joint"
     base = checked_pose(f"{owner}: base", base)
+    warn_of_length(f"{owner}: base", max(map(abs, base.xyz)))
     check_mapping(f"{owner}: home", home, f"{{'{joint}': 0.1}}")
     if stopping is None:
         stopping = own

@@ -23,11 +23,14 @@ from armguard.scene.meshes import (
     mesh_parts,
 )
 from armguard.scene.objects import (
+    NAMED_STRANGE,
     Part,
     SceneObject,
     riding_surface,
     scene_object,
     shapes_in_words,
+    strange_lengths,
+    warn_of_length,
 )
 from armguard.scene.robots import (
     SceneRobot,
@@ -235,8 +238,13 @@ class Scene(Contents):
         if kept.attached_to is not None:
             self._check_body(kept.attached_to, link=True)
         parts = shapes if isinstance(shapes, Sequence) else (shapes,)
-        self._objects[name] = scene_object(name, parts, pose, kept)
-        return self._objects[name]
+        item = self._objects[name] = scene_object(name, parts, pose, kept)
+        if lengths := strange_lengths(item):
+            self.strange_count += 1
+            if self.strange_count <= NAMED_STRANGE:
+                for what, length in lengths.items():
+                    warn_of_length(what, length)
+        return item
 
     def add_mesh(
         self,
