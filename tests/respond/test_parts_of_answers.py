@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from armguard.guard.grips import GripperRow, LinkRow
 from armguard.guard.intent import middle_of, velocity_of
 from armguard.guard.levels import Reason
 from armguard.guard.watch import (
@@ -474,9 +475,10 @@ def test_a_tool_and_a_point_move_as_their_joints_turn_and_slide():
 def test_the_middle_of_a_gripper_is_the_mean_of_its_fingers_middles():
     rng = np.random.default_rng(11)
     boxes = np.sort(rng.normal(size=(6, 2, 3)), axis=1).reshape(6, 6)
-    grippers = np.zeros((2, 13), dtype=np.int64)
-    grippers[1, 2:4] = 1, 3
-    h = record(grippers=grippers, fingers=np.array([[0, 1, 0], [1, 3, 0], [3, 6, 0]]))
+    grippers, fingers = records(2, GripperRow), records(3, LinkRow)
+    grippers[1].first_finger, grippers[1].end_finger = 1, 3
+    fingers.first, fingers.end = (0, 1, 3), (1, 3, 6)
+    h = record(grippers=grippers, fingers=fingers)
     w = record(world=record(boxes=boxes))
     middles = boxes.reshape(6, 2, 3).mean(axis=1)
     known = 0.5 * (middles[1:3].mean(axis=0) + middles[3:6].mean(axis=0))
