@@ -13,12 +13,8 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from armguard.batch.checker import (
-        Checker,
-        NearestPairs,
-        ProvenMotions,
-        Witnesses,
-    )
+    from armguard.batch.checker import Checker
+    from armguard.batch.results import NearestPairs, ProvenMotions, Witnesses
     from armguard.errors import (
         ArmguardError,
         GraspError,
@@ -82,12 +78,8 @@ __version__ = version("armguard")
 # Public names and the room each comes from. They are imported when first used, so
 # that `import armguard` is quick and a scene can be read without compiling anything.
 _ROOMS = {
-    "armguard.batch.checker": (
-        "Checker",
-        "NearestPairs",
-        "ProvenMotions",
-        "Witnesses",
-    ),
+    "armguard.batch.checker": ("Checker",),
+    "armguard.batch.results": ("NearestPairs", "ProvenMotions", "Witnesses"),
     "armguard.errors": (
         "ArmguardError",
         "GraspError",

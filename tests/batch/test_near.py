@@ -203,11 +203,11 @@ def test_a_removed_object_is_not_where_a_search_begins():
     scene = moved_scene()
     checker = ag.Checker(scene)
     rows = random_rows(scene, 400, seed=9)
-    for name in checker._tables.standing:
+    for name in checker._objects:
         before = checker.distances(rows)
         checker.remove(name)
         fresh = ag.Checker(scene)
-        for gone in list(checker._tables.standing):
+        for gone in list(checker._objects):
             fresh.remove(gone)
             if gone == name:
                 break

@@ -256,7 +256,7 @@ def test_a_verdict_is_a_snapshot():
 
 
 def test_more_near_pairs_than_there_is_room_for_is_a_stop(monkeypatch):
-    import armguard.guard.loop as module
+    import armguard.guard.answer as module
 
     monkeypatch.setattr(module, "NEAR_CAPACITY", 3)
     scene = Scene(mode="fixed")

@@ -232,7 +232,7 @@ def test_what_does_not_fit_into_memory_is_given_up_and_said(tmp_path, monkeypatc
     answer = replay(recording)
     assert answer.identical
     assert 50 < answer.cycles < tape.k
-    assert any("is missing" in problem for problem in answer.problems)
+    assert any("earlier frames are missing" in problem for problem in answer.problems)
 
 
 def test_a_folder_that_is_removed_is_made_again(tmp_path, monkeypatch):
@@ -257,7 +257,7 @@ def test_a_folder_that_is_removed_is_made_again(tmp_path, monkeypatch):
     answer = replay(open_recording(folder))
     assert answer.identical
     assert answer.cycles > 200
-    assert any("is missing" in problem for problem in answer.problems)
+    assert any("earlier frames are missing" in problem for problem in answer.problems)
 
 
 def test_a_slow_disk_keeps_nobody_waiting_and_nothing_is_lost(tmp_path, monkeypatch):

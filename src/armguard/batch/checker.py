@@ -2,24 +2,37 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.batch.check import LONGEST, check_rows
 from armguard.batch.lanes import WIDTH
-from armguard.batch.near import Listing, list_near, measure_pairs
+from armguard.batch.near import list_near, measure_pairs
 from armguard.batch.plan import place_object, plan_of, remove_object
-from armguard.batch.pose import MOTIONS, NEAR, ROWS, SPANS, Place
+from armguard.batch.pose import NEAR
 from armguard.batch.prove import WAITING, WHOLE, Walk, prove_motions
-from armguard.batch.search import ROOM, Scratch, SearchSettings
+from armguard.batch.results import (
+    NearestPairs,
+    ProvenMotions,
+    Witnesses,
+    witnesses_of,
+)
+from armguard.batch.room import (
+    FIRST_ROOM,
+    Room,
+    Sizes,
+    listing_of,
+    place_of,
+    room_of,
+    scratch_of,
+)
+from armguard.batch.search import SearchSettings
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose, transform_of
-from armguard.geometry.shapes import ROW_WIDTH, Shape
-from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.geometry.shapes import Shape
 from armguard.kernel import check_cache
 from armguard.record import records
 from armguard.scene.compile import compile_scene
@@ -29,100 +42,8 @@ from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
 
-
 # The sine in lanes is exact up to this angle [rad].
 LARGEST_ANGLE = 1e5
-
-# Near pairs of a part of a batch that there is room for at first.
-FIRST_ROOM = 1024
-
-
-class Room(NamedTuple):
-    """What one call writes.
-
-    Attributes:
-        scratch: See `Scratch`.
-        spans: Place for spans of rows.
-        rows: Place for rows.
-        motions: Place for spans of motions.
-    """
-
-    scratch: Ledger
-    spans: Ledger
-    rows: Ledger
-    motions: Ledger
-
-
-@dataclass(frozen=True, slots=True)
-class NearestPairs:
-    """The nearest checked pair of each configuration.
-
-    Attributes:
-        distance: Least signed distance of the checked pairs; infinite where none is
-            nearer than the margin, NaN where the row cannot be judged, (rows,) [m].
-        a: Primitive of each row's pair, a place in `Checker.labels`; -1 where there is
-            none, shape (rows,).
-        b: The other primitive, shape (rows,).
-    """
-
-    distance: Floats
-    a: NDArray[np.intp]
-    b: NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class Witnesses:
-    """Witness points of pairs of primitives, and the gradient of their distance.
-
-    A row with NaN in `distance` has NaN in all the others.
-
-    Attributes:
-        row: Configuration of each pair, a place in the batch, shape (k,).
-        a: Primitive A, a place in `Checker.labels`; -1 for no pair, shape (k,).
-        b: Primitive B, shape (k,).
-        distance: Signed distance; NaN for no pair, shape (k,) [m].
-        point_a: Point of A nearest to B, in the world, shape (k, 3) [m].
-        point_b: Point of B nearest to A, shape (k, 3) [m].
-        normal: Unit normal from A to B, shape (k, 3).
-        gradient: Derivative of the distance by each joint position, shape (k, joints)
-            [m/rad, or 1 for a prismatic joint].
-    """
-
-    row: NDArray[np.intp]
-    a: NDArray[np.intp]
-    b: NDArray[np.intp]
-    distance: Floats
-    point_a: Floats
-    point_b: Floats
-    normal: Floats
-    gradient: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class ProvenMotions:
-    """How far straight joint motions are proven to keep every buffer.
-
-    Attributes:
-        proven: Whether every checked pair keeps its buffer all the way, shape (n,).
-        share: Share of the motion, from its start, up to which that is proven: 1 where
-            all of it is, 0 where nothing is or the row cannot be judged, shape (n,).
-        a: Primitive of the pair with the least distance above its buffer where the
-            proof ends, a place in `Checker.labels`; -1 where the motion is proven or
-            cannot be judged, shape (n,).
-        b: The other primitive, shape (n,).
-    """
-
-    proven: NDArray[np.bool_]
-    share: Floats
-    a: NDArray[np.intp]
-    b: NDArray[np.intp]
-
-
-def witnesses(pairs: NDArray[np.int64], witness: Floats, gradient: Floats) -> Witnesses:
-    """The arrays of a `Listing` by name."""
-    row, a, b = pairs.astype(np.intp).T
-    parts = witness[:, 0], witness[:, 1:4], witness[:, 4:7], witness[:, 7:10]
-    return Witnesses(row, a, b, *parts, gradient)
 
 
 class Checker:
@@ -160,15 +81,17 @@ class Checker:
             raise SceneError(f"threads is {threads}; it must be at least 1")
         check_cache()
         self._threads = threads
-        self._tables = compile_scene(scene)
-        self._world = plan = plan_of(self._tables)
+        tables = compile_scene(scene)
+        self.q_names, self.labels = tables.q_names, tables.labels
+        self.lower, self.upper = tables.lower.copy(), tables.upper.copy()
+        # Rows of hulls lead to numbers that these shapes hold.
+        self._shapes, self._objects = tables.shapes, dict(tables.standing)
+        self._world = plan = plan_of(tables)
         self._plan = Ledger(plan)
-        self._objects = dict(self._tables.standing)
-        self.q_names = self._tables.q_names
-        self.lower, self.upper = self._tables.lower.copy(), self._tables.upper.copy()
-        self.labels = self._tables.labels
         self._spare: list[Room] = []
-        self._sizes = len(plan.parent), len(plan.kinds), len(plan.pair_at)
+        self._sizes = Sizes(
+            len(self.q_names), len(plan.parent), len(plan.kinds), len(plan.pair_at)
+        )
         factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
         self._limit = (LARGEST_ANGLE - offset) / factor
         for name, item in self._objects.items():
@@ -265,8 +188,7 @@ class Checker:
             True
         """
         rows = self._rows(q, "q")
-        settings = self._settings(margin, 0, 0.0)
-        parts: dict[int, tuple[Floats, ...]] = {}
+        settings, parts = self._settings(margin, 0, 0.0), {}
 
         def answer(part: slice) -> None:
             parts[part.start or 0] = self._list(rows[part], settings)
@@ -278,7 +200,7 @@ class Checker:
             np.concatenate, zip(*parts.values(), strict=True)
         )
         order = np.lexsort(pairs.T[::-1])
-        return witnesses(pairs[order], witness[order], gradient[order])
+        return witnesses_of(pairs[order], witness[order], gradient[order])
 
     def witnesses(self, q: ArrayLike, pairs: NearestPairs) -> Witnesses:
         """Witness points and gradient of one pair in each configuration.
@@ -304,10 +226,9 @@ class Checker:
         given = np.column_stack((np.arange(len(pairs.a)), pairs.a, pairs.b))
         if len(given) != len(rows):
             raise SceneError(f"there are {len(rows)} rows and {len(given)} pairs")
-        listing = self._listing(len(rows))
+        listing = listing_of(len(rows), self._sizes)
         listing.arrays[1][:] = given
-        room = self._room()
-        room.scratch.arrays[0][...] = self._settings(inf, 0, 0.0)
+        room = self._room(self._settings(inf, 0, 0.0))
         measure_pairs(
             rows,
             self._plan.lines,
@@ -316,7 +237,7 @@ class Checker:
             listing.lines,
         )
         self._spare.append(room)
-        return witnesses(*listing.arrays[1:])
+        return witnesses_of(*listing.arrays[1:])
 
     def prove(self, starts: ArrayLike, ends: ArrayLike) -> ProvenMotions:
         """Prove that straight joint motions keep every buffer all the way.
@@ -403,23 +324,13 @@ class Checker:
         settings[...] = margin, strict, drop, self._limit
         return settings
 
-    def _listing(self, count: int) -> Ledger:
-        """Room for pairs."""
-        return Ledger(
-            Listing(
-                total=np.zeros(1, dtype=np.int64),
-                pairs=np.zeros((count, 3), dtype=np.int64),
-                witness=np.zeros((count, WITNESS_WIDTH)),
-                gradient=np.zeros((count, len(self.q_names))),
-            )
-        )
-
     def _list(self, rows: Floats, settings: Any) -> tuple[Floats, ...]:
         """Near pairs of some rows: arrays of a `Listing`, without its total."""
-        place, found, at = self._place(NEAR), [], 0
+        place, found, at = place_of(NEAR, self._sizes), [], 0
         room, pairs = FIRST_ROOM, FIRST_ROOM // WIDTH
         while True:
-            scratch, listing = self._scratch(pairs), self._listing(room)
+            scratch = scratch_of(pairs, self._sizes)
+            listing = listing_of(room, self._sizes)
             scratch.arrays[0][...] = settings
             at = list_near(
                 rows,
@@ -447,8 +358,7 @@ class Checker:
 
     def _check(self, rows: Floats, settings: Any, found: Floats) -> None:
         """Answer for some rows; see `check_rows`."""
-        room = self._room()
-        room.scratch.arrays[0][...] = settings
+        room = self._room(settings)
         check_rows(
             rows,
             self._plan.lines,
@@ -461,8 +371,7 @@ class Checker:
 
     def _prove(self, starts: Floats, ends: Floats, reached: NDArray[np.int64]) -> None:
         """Prove some motions; see `prove_motions`."""
-        room = self._room()
-        room.scratch.arrays[0][...] = 0.0, 1.0, inf, self._limit
+        room = self._room((0.0, 1.0, inf, self._limit))
         walk = Ledger(
             Walk(
                 waiting=np.zeros((WAITING, 4), dtype=np.int64),
@@ -481,45 +390,11 @@ class Checker:
         )
         self._spare.append(room)
 
-    def _room(self) -> Room:
+    def _room(self, settings: Any) -> Room:
         """What one call writes; that of an earlier call where there is one."""
         try:
-            return self._spare.pop()
+            room = self._spare.pop()
         except IndexError:
-            return Room(self._scratch(ROOM), *map(self._place, (SPANS, ROWS, MOTIONS)))
-
-    def _scratch(self, room: int) -> Ledger:
-        """Room beside the places, for so many pairs of each of eight spans or rows."""
-        return Ledger(
-            Scratch(
-                settings=records((), SearchSettings),
-                block=np.zeros(WIDTH * LONGEST * len(self.q_names) + WIDTH),
-                sides=np.zeros(3 * WIDTH),
-                kept=np.zeros(WIDTH, dtype=np.int64),
-                pairs=np.zeros((WIDTH * room, 2), dtype=np.int32),
-                low=np.zeros((WIDTH * room, 2)),
-                single=np.zeros((3, ROW_WIDTH)),
-            )
-        )
-
-    def _place(self, mode: int) -> Ledger:
-        """Room for eight configurations."""
-        bodies, shapes, moving = self._sizes
-        slots = moving * (1 + bodies)
-        return Ledger(
-            Place(
-                mode=np.array([mode]),
-                q=np.zeros(WIDTH * len(self.q_names)),
-                half=np.zeros(WIDTH * len(self.q_names)),
-                T=np.zeros(WIDTH * 12 * bodies),
-                rows=np.zeros(WIDTH * ROW_WIDTH * shapes),
-                stamp=np.zeros(shapes, dtype=np.int64),
-                turn=np.zeros(1, dtype=np.int64),
-                shift=np.zeros(WIDTH * slots),
-                swing=np.zeros(WIDTH * slots),
-                best=np.zeros(WIDTH),
-                pair=np.zeros(WIDTH),
-                lead=np.full(WIDTH, -1.0),
-                bound=np.zeros(WIDTH),
-            )
-        )
+            room = room_of(self._sizes)
+        room.scratch.arrays[0][...] = settings
+        return room

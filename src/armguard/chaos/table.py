@@ -1,7 +1,6 @@
 """All faults, a row each: the injection, and what is declared to happen.
 
-`armguard chaos` prints this table, tests play every row of it, and docs/chaos.md has
-it.
+`armguard chaos` prints this table, tests play each row, and docs/chaos.md has it.
 """
 
 from collections.abc import Callable

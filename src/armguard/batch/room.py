@@ -1,0 +1,105 @@
+"""Arrays that one call of the checker writes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from armguard.batch.check import LONGEST
+from armguard.batch.lanes import WIDTH
+from armguard.batch.near import Listing
+from armguard.batch.pose import MOTIONS, ROWS, SPANS, Place
+from armguard.batch.search import ROOM, Scratch, SearchSettings
+from armguard.geometry.shapes import ROW_WIDTH
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.record import records
+from armguard.table import Ledger
+
+# Near pairs of a part of a batch that there is room for at first.
+FIRST_ROOM = 1024
+
+
+class Sizes(NamedTuple):
+    """Sizes of a plan.
+
+    Attributes:
+        joints: Joint positions of a configuration.
+        bodies: Bodies.
+        shapes: Rows of primitives and of the balls around them.
+        moving: Parts that move.
+    """
+
+    joints: int
+    bodies: int
+    shapes: int
+    moving: int
+
+
+class Room(NamedTuple):
+    """What one call writes.
+
+    Attributes:
+        scratch: See `Scratch`.
+        spans: Place for spans of rows.
+        rows: Place for rows.
+        motions: Place for spans of motions.
+    """
+
+    scratch: Ledger
+    spans: Ledger
+    rows: Ledger
+    motions: Ledger
+
+
+def room_of(sizes: Sizes) -> Room:
+    """What one call writes."""
+    places = [place_of(mode, sizes) for mode in (SPANS, ROWS, MOTIONS)]
+    return Room(scratch_of(ROOM, sizes), *places)
+
+
+def listing_of(count: int, sizes: Sizes) -> Ledger:
+    """Room for pairs with their witness points."""
+    return Ledger(
+        Listing(
+            total=np.zeros(1, dtype=np.int64),
+            pairs=np.zeros((count, 3), dtype=np.int64),
+            witness=np.zeros((count, WITNESS_WIDTH)),
+            gradient=np.zeros((count, sizes.joints)),
+        )
+    )
+
+
+def scratch_of(room: int, sizes: Sizes) -> Ledger:
+    """Room beside the places, for so many pairs of each of eight spans or rows."""
+    return Ledger(
+        Scratch(
+            settings=records((), SearchSettings),
+            block=np.zeros(WIDTH * LONGEST * sizes.joints + WIDTH),
+            sides=np.zeros(3 * WIDTH),
+            kept=np.zeros(WIDTH, dtype=np.int64),
+            pairs=np.zeros((WIDTH * room, 2), dtype=np.int32),
+            low=np.zeros((WIDTH * room, 2)),
+            single=np.zeros((3, ROW_WIDTH)),
+        )
+    )
+
+
+def place_of(mode: int, sizes: Sizes) -> Ledger:
+    """Room for eight configurations."""
+    slots = sizes.moving * (1 + sizes.bodies)
+    return Ledger(
+        Place(
+            mode=np.array([mode]),
+            q=np.zeros(WIDTH * sizes.joints),
+            half=np.zeros(WIDTH * sizes.joints),
+            T=np.zeros(WIDTH * 12 * sizes.bodies),
+            rows=np.zeros(WIDTH * ROW_WIDTH * sizes.shapes),
+            stamp=np.zeros(sizes.shapes, dtype=np.int64),
+            turn=np.zeros(1, dtype=np.int64),
+            shift=np.zeros(WIDTH * slots),
+            swing=np.zeros(WIDTH * slots),
+            best=np.zeros(WIDTH),
+            pair=np.zeros(WIDTH),
+            lead=np.full(WIDTH, -1.0),
+            bound=np.zeros(WIDTH),
+        )
+    )
