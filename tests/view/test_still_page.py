@@ -107,23 +107,21 @@ def test_on_a_phone_all_is_one_below_the_other_and_nothing_is_beside_it(near):
 
     def boxes():
         parts = "#light", "#why", "#root canvas[data-engine]", "#root [role=tablist]"
+        parts += (".uplot",)
         return [page.locator(part).first.bounding_box() for part in parts]
-
-    def plot_box():
-        return page.locator(".uplot").bounding_box()
 
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        light, why, picture, panel = boxes()
-        if picture["y"] + picture["height"] <= panel["y"] and plot_box()["width"] > 330:
-            break
+        light, why, picture, panel, plot = found = boxes()
+        if all(found) and picture["y"] + picture["height"] <= panel["y"]:
+            if plot["width"] > 330:
+                break
         page.wait_for_timeout(100)
     for above, below in zip((light, why, picture), (why, picture, panel), strict=True):
         assert above["y"] + above["height"] <= below["y"]
     # The picture is seen whole, and as wide as the phone.
     assert (picture["x"], picture["width"]) == (0, 390)
     assert picture["height"] > 200
-    plot = plot_box()
     assert plot["x"] >= 0 and plot["x"] + plot["width"] <= 390
     assert plot["width"] > 330
     page.set_viewport_size(VIEWPORT)

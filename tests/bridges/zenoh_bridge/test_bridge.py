@@ -367,8 +367,8 @@ def test_a_silent_commander_loses_the_command(setup):
     setup.claim("sleepy")
     setup.commander.await_one("heartbeat", lambda m: m["commander"] == "sleepy")
     setup.commander.await_one("heartbeat", lambda m: m["commander"] == "")
-    command = setup.commander.await_one("command", lambda m: m["cycle"] >= 0)
-    assert command["cause"] == "NO_COMMANDER"
+    # Commands of before may still be on their way.
+    setup.commander.await_one("command", lambda m: m["cause"] == "NO_COMMANDER")
 
 
 @pytest.mark.parametrize(
