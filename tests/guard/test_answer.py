@@ -5,7 +5,7 @@ import pytest
 
 from approach import ball_guard
 from armguard.guard import Level, Reason, layout
-from armguard.guard.answer import COUNTED, Answer, stop_answer
+from armguard.guard.answer import COUNTED, Answer, NearNumbers, stop_answer
 from armguard.guard.layout import IN_HEADER, Header, NearRow, RobotRow
 from armguard.record import dtype_of
 
@@ -58,3 +58,9 @@ def test_positions_that_are_none_are_a_stop_at_rest_as_well():
     assert verdict.reason is Reason.WRONG_INPUT
     assert set(verdict.levels.values()) == {Level.STOP}
     assert "shape (3,)" in verdict.why
+
+
+def test_the_numbers_of_a_near_pair_are_the_first_fields_of_its_row():
+    fields = dtype_of(NearRow).names
+    assert NearNumbers._fields == fields[: len(NearNumbers._fields)]
+    assert fields[len(NearNumbers._fields)] == "point_a"
