@@ -14,12 +14,7 @@ from armguard.batch.near import list_near, measure_pairs
 from armguard.batch.plan import place_object, plan_of, remove_object
 from armguard.batch.pose import NEAR
 from armguard.batch.prove import WAITING, WHOLE, Walk, prove_motions
-from armguard.batch.results import (
-    NearestPairs,
-    ProvenMotions,
-    Witnesses,
-    witnesses_of,
-)
+from armguard.batch.results import NearestPairs, ProvenMotions, Witnesses, witnesses_of
 from armguard.batch.room import (
     FIRST_ROOM,
     Room,

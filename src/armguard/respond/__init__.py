@@ -2,7 +2,7 @@
 
 from armguard.respond.command import Action, Blocked, Changed, Command, Held
 from armguard.respond.guard import Guard
-from armguard.scene.settings import RESPONSES, ResponseKind
+from armguard.respond.responses import RESPONSES, ResponseKind
 
 __all__ = [
     "RESPONSES",

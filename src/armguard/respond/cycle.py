@@ -28,14 +28,14 @@ from armguard.respond.command import Blocked, Changed
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.engagement import NO_REQUEST, engage, wait_if_stopped
 from armguard.respond.evasion import look_for_threats
-from armguard.respond.finger_pace import slow_fingers
 from armguard.respond.grip_keeping import keep_grips
 from armguard.respond.joint_bounds import frame_limits, retreats
 from armguard.respond.leading import follow_lead, lead_robots, note_leads
 from armguard.respond.leaving import lead_away, sure_share
 from armguard.respond.missed import note_missed
-from armguard.respond.program import BY_ROWS, add_pairs, breaks_rows, scale_back
+from armguard.respond.program import BY_ROWS, add_pairs, scale_back
 from armguard.respond.programs import solve_programs
+from armguard.respond.responses import change_target
 from armguard.respond.state import POSITIONS, STANDSTILL, TWISTS, Response
 from armguard.respond.tool_asking import request_tools
 
@@ -89,13 +89,7 @@ def respond(a: Response, w: Workspace) -> int:
                 open_programs |= 1 << r
             elif retreats(r, a):
                 scale_back(r, a, m)
-            elif a.settings[r].scales != 0:
-                slow_fingers(r, a, w, m)
-                scale_back(r, a, m)
-                if a.notes[r].overflows == 0 and breaks_rows(r, a.limits, a, m):
-                    # A touching pair has to open, although the robot leaves its path.
-                    open_programs |= 1 << r
-            elif a.settings[r].solves != 0:
+            elif change_target(r, a, w):
                 open_programs |= 1 << r
     if a.solver[FUNCTION] != 0:
         return solve_programs(open_programs, a, m)

@@ -30,6 +30,7 @@ from armguard.respond.requested import (
     twists_in,
     velocities_in,
 )
+from armguard.respond.responses import behaviours
 from armguard.respond.self_test import filter_line
 from armguard.respond.solver import nearest_velocity
 from armguard.respond.state import (
@@ -377,7 +378,8 @@ class Guard(Monitor):
         check_modes(self.tables)
         self._lead = lead_of(self.tables)
         self._escape = escape_of(self.tables)
-        response = response_of(self.tables, self._lead, self._escape)
+        settings = behaviours(self.tables)
+        response = response_of(self.tables, settings, self._lead, self._escape)
         self._response_ledger = Ledger(response)
         self._response_lines = self._response_ledger.lines
         self._response = response

@@ -10,7 +10,7 @@ from armguard.respond.daqp_interface import daqp_memory
 from armguard.respond.escape_state import Escape
 from armguard.respond.lead_state import Lead
 from armguard.respond.solver import MOST_ITERATIONS, PRIMAL_TOLERANCE
-from armguard.scene.settings import CHOICES, RESPONSES
+from armguard.scene.settings import CHOICES
 from armguard.scene.tables import SceneTables
 from armguard.table import TABLE, LongVector, Matrix, Vector, opener, table
 
@@ -31,6 +31,7 @@ class Behaviour:
     """Response of a robot and its settings, see `RESPONSES` and `ResponseSettings`.
 
     Attributes:
+        kind: The response, by its place in `RESPONSES`.
         stops: See `ResponseKind`, from here to `solves`.
         scales: See there.
         solves: See there.
@@ -49,6 +50,7 @@ class Behaviour:
         patience: See there.
     """
 
+    kind: int
     stops: int
     scales: int
     solves: int
@@ -65,22 +67,6 @@ class Behaviour:
     repulsion: float
     influence: float
     patience: float
-
-
-def behaviours(tables: SceneTables) -> Any:
-    """`Behaviour` of each robot, shape (r,)."""
-    rows = records(len(tables.robots), Behaviour)
-    for row, part in zip(rows, tables.robots, strict=True):
-        chosen = part.response
-        for name in rows.dtype.names:
-            if hasattr(chosen, name):
-                value = getattr(chosen, name)
-                row[name] = CHOICES[name].index(value) if name in CHOICES else value
-            else:
-                row[name] = getattr(RESPONSES[chosen.kind], name)
-        if not chosen.evade:
-            row["evade_time"] = 0.0
-    return rows
 
 
 @record
@@ -297,11 +283,14 @@ class Response(NamedTuple):
 open_response = opener(Response)
 
 
-def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
+def response_of(
+    tables: SceneTables, settings: Any, lead: Lead, escape: Escape
+) -> Response:
     """Arrays for the responses of a scene.
 
     Args:
         tables: The scene.
+        settings: `Behaviour` of each robot, shape (r,).
         lead: Guidance of robots by the guard.
         escape: Evasion of approaching obstacles.
     """
@@ -309,7 +298,7 @@ def response_of(tables: SceneTables, lead: Lead, escape: Escape) -> Response:
     spare_of = records(REMEMBERED, RememberedPair)
     spare_of.fill(NEVER)
     return Response(
-        settings=behaviours(tables),
+        settings=settings,
         notes=records(robots, RobotNotes),
         request=records((), Request),
         twists=records(MOST_TWISTS, ToolTwist),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any, Literal, NamedTuple, TypedDict, get_args
+from typing import Annotated, Any, Literal, TypedDict, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
@@ -78,43 +78,8 @@ class IndexSettings:
     cube: CubeSettings | None = None
 
 
-# Names of the responses of a robot to near bodies, see `RESPONSES`.
+# Names of the responses of a robot to near bodies, see `armguard.respond.RESPONSES`.
 ResponseName = Literal["stop", "slow", "deflect", "field"]
-
-
-class ResponseKind(NamedTuple):
-    """Properties of a response to near bodies.
-
-    A response changes the requested motion before the proof. It cannot make an unsafe
-    motion safe: the proof reduces or stops any motion that is still unsafe.
-
-    Attributes:
-        words: What the robot does, in words.
-        stops: Whether an unproven request ends in a stop, not in a slower motion.
-        scales: Whether it keeps its path at a lower speed.
-        solves: Whether a quadratic program finds the nearest velocity that satisfies
-            all constraints.
-    """
-
-    words: str
-    stops: bool = False
-    scales: bool = False
-    solves: bool = False
-
-    @property
-    def keeps_direction(self) -> bool:
-        """Whether the command keeps the direction of the request."""
-        return not self.solves
-
-
-RESPONSES: Mapping[ResponseName, ResponseKind] = {
-    "stop": ResponseKind("moves as requested, or stops", stops=True),
-    "slow": ResponseKind("slows down on its path", scales=True),
-    "deflect": ResponseKind("takes the nearest safe direction", solves=True),
-    "field": ResponseKind(
-        "is attracted by a goal and repelled by near bodies", solves=True
-    ),
-}
 
 # How what a pair of two robots has left is shared between them.
 Sharing = Literal["contribution", "equal", "priority"]
