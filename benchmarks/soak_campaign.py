@@ -137,15 +137,15 @@ class Filtered(Soak):
     def chunk(self, rng: np.random.Generator, count: int) -> Counter[str]:
         """See `Soak`."""
         found: Counter[str] = Counter()
-        guard, wish = self.guard, np.zeros_like(self.q)
+        guard, desired = self.guard, np.zeros_like(self.q)
         for k in range(count):
             if k % OF_ONE_MIND == 0:
-                wish = SPEED * self.top * rng.uniform(-1.0, 1.0, len(self.q))
+                desired = SPEED * self.top * rng.uniform(-1.0, 1.0, len(self.q))
                 guard.engage()
             q = self.q + np.nan if k % UNREADABLE == 0 else self.q
             try:
                 command = guard.filter(
-                    q, wish, self.time, velocity=self.v, now=self.time
+                    q, desired, self.time, velocity=self.v, now=self.time
                 )
             except Exception as error:  # what is promised is that there is none
                 found[f"raised {type(error).__name__}"] += 1

@@ -100,14 +100,14 @@ def headroom(guard: Guard, q: Floats) -> dict[tuple[str, str], float]:
 
 
 def commanded(
-    guard: Guard, q: Floats, wish: Floats
+    guard: Guard, q: Floats, desired: Floats
 ) -> tuple[Floats, tuple[Blocked, ...]]:
     """Commands to arms that rest at q and are asked to move."""
     guard.reset()
     still = np.zeros_like(q)
     time = 0.0
     for k in range(REST + ASK):
-        asked = still if k < REST else wish
+        asked = still if k < REST else desired
         command = guard.filter(q, asked, time, velocity=still, now=time)
         time += guard.tables.period
     return command.velocity, tuple(command.blocked.values())
@@ -137,8 +137,8 @@ def judge(guard: Guard, q: Floats, count: Count) -> None:
     guard.reset()
     still = np.zeros_like(q)
     cues = guard.step(q, 0.0, velocity=still, now=0.0).cues
-    wish = SPEED * top * np.concatenate([cue.escape for cue in cues.values()])
-    velocity, blocked = commanded(guard, q, wish)
+    desired = SPEED * top * np.concatenate([cue.escape for cue in cues.values()])
+    velocity, blocked = commanded(guard, q, desired)
     if leads_out(guard, q, velocity):
         count.out_by_cue += 1
         return

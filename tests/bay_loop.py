@@ -38,8 +38,8 @@ def bay_guard(box=False, period=0.001, **response):
             stopping=robot.stopping,
             response=ResponseSettings(**response),
         )
-    for thing in bare.objects.values():
-        scene.add([*thing.shapes], name=thing.name, pose=thing.pose)
+    for item in bare.objects.values():
+        scene.add([*item.shapes], name=item.name, pose=item.pose)
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     if box:

@@ -121,7 +121,7 @@ def press(raw: Raw, arms: Arms) -> None:
     """Desire motion once: to and fro, so that nothing is in the way."""
     found = [0.0] * len(arms.q)
     found[0] = SPEED if int(2.0 * time.monotonic()) % 2 else -SPEED
-    raw.say(Kind.WISH, raw.wish(found))
+    raw.say(Kind.WISH, raw.desired(found))
     time.sleep(EVERY)
 
 

@@ -228,19 +228,19 @@ class Raw:
                     return answer
         raise ConnectionError(f"the call '{call}' has no reply")
 
-    def wish(self, velocities: list[float], token: int | None = None) -> bytes:
+    def desired(self, velocities: list[float], token: int | None = None) -> bytes:
         """The payload of a WISH for velocities."""
         shown = self.token if token is None else token
         count = len(velocities)
         return struct.pack(f"<QII{count}d", shown, 1, count, *velocities)
 
     def state(
-        self, q: list[float], v: list[float], wish: bytes = b"", robots: int = 3
+        self, q: list[float], v: list[float], desired: bytes = b"", robots: int = 3
     ) -> bytes:
         """The payload of a STATE, measured now."""
-        flags = 1 | (2 if wish else 0)
+        flags = 1 | (2 if desired else 0)
         numbers = struct.pack(f"<{2 * len(q)}d", *q, *v)
-        return struct.pack("<IId", robots, flags, time.monotonic()) + numbers + wish
+        return struct.pack("<IId", robots, flags, time.monotonic()) + numbers + desired
 
 
 def sealed(head: bytes, key: bytes) -> bytes:

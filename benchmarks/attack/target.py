@@ -155,7 +155,7 @@ class Arms:
         self.engages, self._keeps = engages, keeps
         self.q = [float(x) for x in start or raw.welcome["home"]]
         self.v = [0.0] * len(self.q)
-        self.wish: Callable[[float], list[float]] = self.sway
+        self.desired: Callable[[float], list[float]] = self.sway
         self.sent = self.calls = self.strange = self.moving = self.silent = 0
         self.answers: list[Heard] = []
         self.moved_at = 0.0
@@ -209,8 +209,8 @@ class Arms:
     def _cycle(self) -> None:
         raw = self.raw
         began = time.monotonic()
-        wish = raw.wish(self.wish(began)) if self._commands else b""
-        raw.say(Kind.STATE, raw.state(self.q, self.v, wish))
+        desired = raw.desired(self.desired(began)) if self._commands else b""
+        raw.say(Kind.STATE, raw.state(self.q, self.v, desired))
         self.sent += 1
         message = raw.hear(Kind.COMMAND, 0.1)
         if message is None:

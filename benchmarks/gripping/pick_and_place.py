@@ -221,12 +221,12 @@ def carries_clear(place: Workplace, name: str, ends: Floats) -> bool:
 
     By closed forms, along the straight pieces from where it is gripped on.
     """
-    thing = place.objects[name]
-    offset = thing.at - ends[GRIPPED, :3]
+    item = place.objects[name]
+    offset = item.at - ends[GRIPPED, :3]
     others = {**place.fixtures, **place.objects}
     share = np.linspace(0.0, 1.0, 501)[:, None]
     for begin, end in pairwise(ends[GRIPPED:, :3]):
-        carried = thing.moved_to(begin + share * (end - begin) + offset)
+        carried = item.moved_to(begin + share * (end - begin) + offset)
         for other, solid in others.items():
             near = float(gaps(carried, solid).min())
             if other not in (name, "table") and near < ROOM:

@@ -148,9 +148,9 @@ def test_a_summary_tells_every_level_that_was_there(capsys):
         log, [v.cycle_time for v in verdicts], [v.counts for v in verdicts]
     )
     print_summary(answer, log)
-    told = " ".join(capsys.readouterr().out.split())
+    printed = " ".join(capsys.readouterr().out.split())
     for word in ("slow", "stop", "brake", "hardware stop"):
-        assert re.search(rf"\d+ {word}\b", told), word
+        assert re.search(rf"\d+ {word}\b", printed), word
     assert answer["exit_code"] == 1
     json.dumps(jsonable(answer), allow_nan=False)
     assert {e["level"] for e in answer["events"]} >= {"HARDWARE_STOP"}

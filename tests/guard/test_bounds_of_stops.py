@@ -48,12 +48,16 @@ class Stopped:
         told: Whether the time of a cycle is told.
     """
 
-    def __init__(self, figures, speed, told=True):
-        self.guard, self.speed, self.told = slides(figures, period=PERIOD), speed, told
+    def __init__(self, figures, speed, has_time=True):
+        self.guard, self.speed, self.has_time = (
+            slides(figures, period=PERIOD),
+            speed,
+            has_time,
+        )
         self.f = {**EXACT, **figures}
         # On the clock of the stamps.
-        self.effect = self.f["command"] + (0.0 if told else self.f["sensing"])
-        cycle = PERIOD + (0.0 if told else UNTOLD_CYCLE * self.f["sensing"])
+        self.effect = self.f["command"] + (0.0 if has_time else self.f["sensing"])
+        cycle = PERIOD + (0.0 if has_time else UNTOLD_CYCLE * self.f["sensing"])
         need, _ = worst_stop(figures, speed, self.effect + cycle)
         self.begin = at_gap((1.0 - SHARE) * need)[0]
         let_go(self.guard)
@@ -64,7 +68,7 @@ class Stopped:
         """Verdict of a cycle in which it has got so far since the first one."""
         time = 5.0 + self.cycles * PERIOD
         self.cycles += 1
-        now = time if self.told else None
+        now = time if self.has_time else None
         return self.guard.step([self.begin + way], time, velocity=[speed], now=now)
 
     def follow(self, motion, begin=0):
@@ -94,11 +98,11 @@ def test_a_stop_as_declared_is_believed_and_one_a_little_worse_is_not(case):
     figures, which, factor = STOPS[case]
     # Only its speed tells, not where it gets to.
     figures = {**figures, "position_error": 0.02}
-    told = which != "sensing"
+    has_time = which != "sensing"
     for share in (1.0, factor):
         true = {**figures, which: share * figures[which]}
-        stopped = Stopped(figures, 1.0, told)
-        effect = true.get("command", 0.0) + (0.0 if told else true["sensing"])
+        stopped = Stopped(figures, 1.0, has_time)
+        effect = true.get("command", 0.0) + (0.0 if has_time else true["sensing"])
         levels = stopped.follow(motion_of(true, 1.0, 0.0, effect))
         assert (Level.BRAKE in levels) == (share != 1.0)
         assert (stopped.guard._watch.disproved[0] != 0) == (share != 1.0)
@@ -141,7 +145,7 @@ def test_a_measured_stop_is_believed_until_its_time_whatever_it_does_till_then(s
 def test_stamps_that_leap_alone_do_not_make_a_liar_of_a_stop(leap):
     """Nobody tells whether the time passed: if it did the slide should rest by now."""
     figures = {"sensing": 0.01, "position_error": 0.05}
-    stopped = Stopped(figures, 0.5, told=False)
+    stopped = Stopped(figures, 0.5, has_time=False)
     times, speeds, ways = motion_of(figures, 0.5, 0.0, stopped.effect)
     for k in range(1, int(rest_of(times, speeds) / PERIOD)):
         since = k * PERIOD

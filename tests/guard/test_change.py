@@ -21,8 +21,8 @@ def led(guard, seed, cycles=400):
     q, v, found = guard.home, 0.0 * guard.home, []
     for k in range(cycles):
         if k % 40 == 0:
-            wish = rng.uniform(-0.3, 0.3, len(q))
-        command = guard.filter(q, wish, 1e-3 * k, velocity=v)
+            desired = rng.uniform(-0.3, 0.3, len(q))
+        command = guard.filter(q, desired, 1e-3 * k, velocity=v)
         found.append(command)
         v = command.velocity + rng.uniform(-0.005, 0.005, len(q)) * (k % 3 == 0)
         q = np.clip(q + 1e-3 * v, guard.tables.lower, guard.tables.upper)
@@ -50,7 +50,7 @@ def test_what_is_told_is_the_same_to_the_bit(scene, monkeypatch):
                 assert pair.headroom <= most
                 saved += pair.headroom != truth.headroom
         for key, truth in known.items():
-            told = {(p.primitive_a, p.primitive_b) for p in one.verdict.near}
-            assert key in told or truth.headroom > 0.0
+            reported = {(p.primitive_a, p.primitive_b) for p in one.verdict.near}
+            assert key in reported or truth.headroom > 0.0
     if scene in ("ball", "crowded bay"):
         assert saved > 0

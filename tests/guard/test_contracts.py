@@ -230,9 +230,9 @@ def test_hand_over_and_two_grippers_on_one_object(kind):
     with pytest.raises(GraspError, match="already"):
         guard.grasp("second", "bar")
     # Both lift together.
-    wish = {"first/z": 0.04, "second/z": 0.04}
+    desired = {"first/z": 0.04, "second/z": 0.04}
     before = middle_of(guard, "bar").copy()
-    loop.push(wish, 500)
+    loop.push(desired, 500)
     lifted = middle_of(guard, "bar")[2] - before[2]
     assert lifted == pytest.approx(0.02, abs=2e-3)
     guard.release("first", "bar")

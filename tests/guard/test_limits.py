@@ -88,10 +88,10 @@ class Noisy(Driven):
         super().__init__(guard, **options)
         self.rng = np.random.default_rng(seed)
 
-    def cycle(self, wish, form="filter"):
+    def cycle(self, desired, form="filter"):
         true = self.q
         self.q = true + self.rng.choice([-1.0, 1.0], len(true)) * ERROR
-        command = super().cycle(wish, form)
+        command = super().cycle(desired, form)
         self.q = true + self.v * PERIOD
         return command
 
@@ -126,9 +126,9 @@ def test_what_creeps_beyond_its_limit_is_led_back(at_limit, delay):
     assert loop.stops == []
     assert max(beyond) <= led_beyond(guard.tables)[0]
     # It was led back, and is so for as long as it creeps.
-    told = [side * c.velocity[0] for c in loop.commands]
-    assert min(told) == pytest.approx(-MISSED)
-    assert max(told) == 0.0
+    commanded = [side * c.velocity[0] for c in loop.commands]
+    assert min(commanded) == pytest.approx(-MISSED)
+    assert max(commanded) == 0.0
 
 
 @pytest.mark.parametrize("ramp", [0.0, 0.05])
@@ -142,7 +142,7 @@ def test_no_stop_carries_a_joint_beyond_its_limit(ramp, settle):
     farthest = 0.0
     while loop.cycle([2.0, 0.0]).velocity[0] > 0.0:
         # A stop told now: what is under way first, then as little as it must brake.
-        under_way = [told[0] + MISSED for told in loop.queue]
+        under_way = [commanded[0] + MISSED for commanded in loop.queue]
         v = float(under_way[-1])
         way = PERIOD * sum(under_way) + 0.5 * v * ramp + 0.5 * v * v / f.deceleration[0]
         way += settle * v / f.velocity[0]

@@ -171,17 +171,17 @@ def known_under_way(sent, since, j, top):
     return around, (min(drives, default=np.inf), max(drives, default=-np.inf))
 
 
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("has_time", [True, False])
 @pytest.mark.parametrize("count", range(9))
-def test_what_is_under_way_is_what_was_sent_since_and_the_last_before(count, told):
+def test_what_is_under_way_is_what_was_sent_since_and_the_last_before(count, has_time):
     rng = np.random.default_rng(1)
     for _ in range(30):
         v, m, sent = memory(rng, count)
-        if not told:
+        if not has_time:
             v.given.now = np.nan
         look(v, m)
         for j in range(JOINTS):
-            since = v.stamps[j] - DELAY - (0.0 if told else SENSING)
+            since = v.stamps[j] - DELAY - (0.0 if has_time else SENSING)
             top = m.joint_figures[j].velocity
             around, drives = known_under_way(sent, since, j, top)
             assert tuple(v.under_way[j]) == pytest.approx(around)

@@ -156,18 +156,18 @@ def channel():
 def test_what_is_mended_with_less_is_told_first():
     late = Delayed("left", way=0.010, time=0.010, excess=0.004)
     early = Delayed("right", way=0.010, time=0.010, excess=0.0)
-    told = [
+    causes = [
         by_length(Lack(deficit, 0.006, (late, early)))
         for deficit in (0.003, 0.005, 0.012, 0.030)
     ]
-    assert [t.cause for t in told] == [
+    assert [t.cause for t in causes] == [
         Cause.STALE,
         Cause.ENVELOPE,
         Cause.LATENCY,
         Cause.TRUE_NEED,
     ]
-    assert told[0].remedy == "deliver measurements of 'left' 3.0 ms sooner"
-    assert told[2].remedy == "react 6.0 ms faster: period, late, or delays"
+    assert causes[0].remedy == "deliver measurements of 'left' 3.0 ms sooner"
+    assert causes[2].remedy == "react 6.0 ms faster: period, late, or delays"
 
 
 def test_a_stop_under_way_is_told_once():

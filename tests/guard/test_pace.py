@@ -18,8 +18,8 @@ def loop(guard, rate, cycles, speed=0.05):
     q, v = guard.home, 0.0 * guard.home
     commands = []
     for k in range(cycles):
-        wish, now = np.full(len(q), speed), k / rate
-        command = guard.filter(q, wish, now, velocity=v, now=now)
+        desired, now = np.full(len(q), speed), k / rate
+        command = guard.filter(q, desired, now, velocity=v, now=now)
         v = command.velocity
         q = q + v / rate
         commands.append(command)
@@ -53,9 +53,9 @@ def test_at_a_lower_rate_it_is_told_both_figures_and_the_key(rate, caplog):
         "period 1.0 ms (+ late 0.0 ms): set Scene(period="
     )
     assert len(caplog.records) == 1
-    told = caplog.records[0].getMessage()
-    assert told.startswith(f"cycles come every {1e3 / rate:.1f} ms, ")
-    for sentence in (said, told):
+    warning = caplog.records[0].getMessage()
+    assert warning.startswith(f"cycles come every {1e3 / rate:.1f} ms, ")
+    for sentence in (said, warning):
         # What it says to set is enough, and no more than that.
         code = re.search(r"Scene\(period=([\d.]+)\)", sentence)
         keys = re.search(r"`cycle: \{period: ([\d.]+)\}`", sentence)

@@ -80,8 +80,8 @@ def run(case, age=0.001, begin=5.0):
         way = np.interp(since, times, ways) if since > 0.0 else SPEED * since
         speed = np.interp(since, times, speeds) if since > 0.0 else SPEED
         given = [way - 20.0], [speed], now - age, now
-        q, stamp, v, told = (change if k == fault else still)(*given)
-        verdict = guard.step(q, stamp, velocity=v, now=told)
+        q, stamp, v, time = (change if k == fault else still)(*given)
+        verdict = guard.step(q, stamp, velocity=v, now=time)
         if k == fault:
             refused = verdict, guard._watch.ordered[0]
         elif k > fault:

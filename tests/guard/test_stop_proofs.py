@@ -68,7 +68,7 @@ class Robot:
         self.t, self.ordered, self.braked = 0.0, None, None
         self.verdicts = []
 
-    def cycle(self, wish):
+    def cycle(self, desired):
         """One cycle: measure, ask, obey for a period."""
         verdict = self.guard.step(self.q, self.t, velocity=self.v, now=self.t)
         self.verdicts.append(verdict)
@@ -88,7 +88,7 @@ class Robot:
                 rising = min((self.t - self.ordered) / self.f["ramp"], 1.0)
                 self.slow(self.weak * self.f["deceleration"] * rising * dt)
             else:
-                change = np.clip(wish - self.v, -1, 1) * self.f["acceleration"] * dt
+                change = np.clip(desired - self.v, -1, 1) * self.f["acceleration"] * dt
                 self.v = np.clip(self.v + change, -self.f["velocity"], 1.5)
             self.q += 0.5 * dt * (before + self.v)
             self.t += dt
@@ -132,12 +132,12 @@ def test_time_left_and_scale_fall_on_the_way(wall_guard):
     robot = drive_at_wall(wall_guard, 700)
     levels = [v.level for v in robot.verdicts]
     before = robot.verdicts[: levels.index(Level.STOP)]
-    told = [v for v in before if v.level is Level.SLOW]
-    scales = np.array([v.speed_scale["arm"] for v in told])
+    slowed = [v for v in before if v.level is Level.SLOW]
+    scales = np.array([v.speed_scale["arm"] for v in slowed])
     assert len(scales) > 20
     assert ((scales > 0.0) & (scales <= 1.0)).all()
     assert (np.diff(scales[-20:]) < 0.0).all()
-    assert told[-1].headroom.s < 0.005
+    assert slowed[-1].headroom.s < 0.005
 
 
 def test_a_stop_slower_than_declared_is_answered_by_the_brake(wall_guard):

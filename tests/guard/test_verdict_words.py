@@ -45,8 +45,8 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
     guard = Guard(moving_bay())
     rng = np.random.default_rng(5)
     low, high = guard.tables.lower, guard.tables.upper
-    told = opened = 0
-    while told < 200:
+    reported = opened = 0
+    while reported < 200:
         guard.reset()
         q = np.clip(guard.home + rng.normal(0.0, 0.6, guard.home.shape), low, high)
         v = rng.uniform(-0.5, 0.5, q.shape)
@@ -61,7 +61,7 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
             )
         if verdict.budget is None:
             continue
-        told += 1
+        reported += 1
         total, terms = terms_of(verdict.budget.sentence)
         sum_of = max(sum(terms.values()), terms["floor"])
         assert sum_of == pytest.approx(total, abs=0.01)

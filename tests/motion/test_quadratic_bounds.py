@@ -106,14 +106,14 @@ def test_no_position_on_a_line_exceeds_what_is_told_of_its_ends(joints, steep):
         places = shares(rng, joints)
         for u in PLACES:
             true = value(g, h, u * way + places * (wide + u * grow)).max()
-            told = 0.5 * ((1.0 - u) * ends[0] + (1.0 + u) * ends[1])
-            assert true <= told + GRAIN
+            bound = 0.5 * ((1.0 - u) * ends[0] + (1.0 + u) * ends[1])
+            assert true <= bound + GRAIN
         # In between the form bows above its ends by no more than this.
         bow = max(-0.5 * way @ h @ way, 0.0)
         bow += (np.abs(way) + 0.5 * np.abs(grow)) @ np.abs(h) @ np.abs(grow)
         corners = np.array(list(product((-1.0, 1.0), repeat=joints)))
-        for u, told in zip((-1.0, 1.0), ends, strict=True):
+        for u, bound in zip((-1.0, 1.0), ends, strict=True):
             width = wide + u * grow
             if (np.abs(g + u * h @ way) >= np.abs(h) @ width).all():
                 true = value(g, h, u * way + width * corners).max()
-                assert told == pytest.approx(true + bow, abs=GRAIN)
+                assert bound == pytest.approx(true + bow, abs=GRAIN)

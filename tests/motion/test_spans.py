@@ -124,8 +124,8 @@ def test_a_slide_that_was_told_to_stand_stops_going_back_as_hard_as_it_may():
     guard, speed, x = slides(figures, period=PERIOD), -0.3, 0.0
     let_go(guard)
     for k in range(200):
-        now, wish = 5.0 + k * PERIOD, speed if k < 100 else 0.0
-        guard.filter([x], [wish], now, velocity=[speed], now=now)
+        now, desired = 5.0 + k * PERIOD, speed if k < 100 else 0.0
+        guard.filter([x], [desired], now, velocity=[speed], now=now)
         x += speed * PERIOD
         if k < 100:
             continue

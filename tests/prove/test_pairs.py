@@ -172,9 +172,9 @@ def test_what_the_budget_does_not_pay_for_stays_open_and_is_tried_again():
 
 def test_progress_is_told_and_a_link_nobody_has_is_an_error():
     robot = robot_of(simple_arm())
-    told = []
-    prove_pairs(robot, progress=lambda *words: told.append(words))
-    assert told[-1][1:] == (3, 3)
+    reported = []
+    prove_pairs(robot, progress=lambda *words: reported.append(words))
+    assert reported[-1][1:] == (3, 3)
     with pytest.raises(UnknownNameError, match="did you mean 'link1'"):
         prove_pairs(robot, [("link1", "lnk1")])
 

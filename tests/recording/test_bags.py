@@ -191,9 +191,9 @@ def test_what_overtook_or_came_twice_is_left_out_and_told(tmp_path, bay):
         written.joints("/joint_states", bay.q_names, row, time, received - time)
     read = load_motion(written.close())
     assert (read.for_scene(bay) == q[[0, 1, 2, 5]]).all()
-    told = " ".join(read.notes)
-    assert "1 messages were overtaken by newer ones, by up to 4.0 ms" in told
-    assert "1 messages have the stamp of the one before" in told
+    notes = " ".join(read.notes)
+    assert "1 messages were overtaken by newer ones, by up to 4.0 ms" in notes
+    assert "1 messages have the stamp of the one before" in notes
 
 
 def test_time_that_goes_back_is_refused_with_its_place(tmp_path, bay):

@@ -254,10 +254,10 @@ def test_the_command_line_tells_it_as_json_and_by_its_exit_code(drive):
 
     answer = run("--set", "scene.buffer=0.0", "--json")
     assert answer.returncode == 1
-    told = json.loads(answer.stdout)
-    assert [stop["cycle"] for stop in told["stops_gone"]] == tape.stops
-    assert "does not obey" in told["caveat"]
-    assert told["exit_code"] == 1
+    report = json.loads(answer.stdout)
+    assert [stop["cycle"] for stop in report["stops_gone"]] == tape.stops
+    assert "does not obey" in report["caveat"]
+    assert report["exit_code"] == 1
     answer = run("--set", "guard.mod=path")
     assert answer.returncode == 2
     assert "did you mean 'guard.mode'" in " ".join(answer.stderr.split())

@@ -109,11 +109,11 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Evening:
             here = np.eye(4)
             here[:3, 3] = guard.poses.reshape(-1, 3, 4)[6, :, 3] + [0.0, 0.0, 0.14]
             taped.do(Place(name=EVIL, pose=here))
-        wish = np.clip(2.0 * (goal - q), -0.8, 0.8)
+        desired = np.clip(2.0 * (goal - q), -0.8, 0.8)
         measured = np.full(14, np.nan) if k == FAULT_AT else q
         command = taped.filter(
             measured,
-            wish,
+            desired,
             t - 0.001,
             velocity=v,
             now=t,

@@ -120,10 +120,10 @@ def test_near_misses_hold_every_stop_and_every_pair_too_near(
         own = [v.headroom.m for t, v in near if miss.began <= t - BEGIN <= miss.ended]
         assert miss.least_headroom == pytest.approx(min(own), abs=1e-12)
     first = next(v for _, v in near if v.level >= Level.STOP)
-    told = findings.near_misses[0].verdict
-    assert told.why == first.why
-    assert told.distance == first.nearest.distance
-    assert told.needed == pytest.approx(first.budget.needed, abs=1e-9)
+    reported = findings.near_misses[0].verdict
+    assert reported.why == first.why
+    assert reported.distance == first.nearest.distance
+    assert reported.needed == pytest.approx(first.budget.needed, abs=1e-9)
     assert EVIL in findings.near_misses[1].verdict.why
 
 
@@ -198,11 +198,11 @@ def test_cycles_that_are_missing_are_counted(evening: Evening, names):
 
 def test_times_and_tails_are_those_of_the_cycles(evening: Evening, findings):
     took = sorted(verdict.cycle_time for verdict in evening.verdicts)
-    told = findings.to_dict()["cycle_time"]
+    reported = findings.to_dict()["cycle_time"]
     for name, share in (("p50", 0.5), ("p99", 0.99), ("p999", 0.999)):
-        assert told[name] == pytest.approx(took[int(np.ceil(share * CYCLES)) - 1])
-    assert told["most"] == pytest.approx(took[-1])
-    assert told["count"] == CYCLES
+        assert reported[name] == pytest.approx(took[int(np.ceil(share * CYCLES)) - 1])
+    assert reported["most"] == pytest.approx(took[-1])
+    assert reported["count"] == CYCLES
     answers = findings.to_dict()["answer_time"]
     assert answers["most"] == pytest.approx(7e-4, rel=1e-3)
     assert answers["p50"] == pytest.approx(4e-4, rel=1e-3)
@@ -350,8 +350,10 @@ def test_files_of_another_scene_are_left_out_by_name(evening: Evening, tmp_path)
     file.rename(tmp_path / "recording-3.mcap")
     found = findings_of(open_recording(tmp_path))
     assert len(found.series.t) == 2 * CYCLES
-    told = "left out, since of another scene than recording-1.mcap: recording-3.mcap"
-    assert told in found.problems
+    reported = (
+        "left out, since of another scene than recording-1.mcap: recording-3.mcap"
+    )
+    assert reported in found.problems
 
 
 @pytest.mark.parametrize("cause", [None, *Cause])

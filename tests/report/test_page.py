@@ -45,9 +45,9 @@ def written(evening: Evening, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "evening.html"
     result = CliRunner().invoke(app, ["report", str(evening.file), "--out", str(path)])
     assert result.exit_code == 0, result.output
-    told = " ".join(result.output.split())
-    assert "In 12.5 s 2 robots were judged 3,000 times" in told
-    assert "page written to" in told
+    printed = " ".join(result.output.split())
+    assert "In 12.5 s 2 robots were judged 3,000 times" in printed
+    assert "page written to" in printed
     return path
 
 
@@ -248,8 +248,8 @@ def test_what_cannot_be_read_or_written_is_said_in_words(
         str(tmp_path / "other.mcap")
     )
     nowhere = str(tmp_path / "no folder" / "page.html")
-    told = complaint(str(evening.file), "--out", nowhere)
-    assert "the page cannot be written" in told
+    printed = complaint(str(evening.file), "--out", nowhere)
+    assert "the page cannot be written" in printed
 
 
 def test_a_recording_is_motion_that_may_be_run(evening: Evening):

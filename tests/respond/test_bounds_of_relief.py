@@ -54,8 +54,10 @@ def looked_at(*figures, mover=None):
     if mover:
         guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), 0.0)
     still = np.zeros(len(figures))
-    told = guard.filter(at_gap(0.1, len(figures)), still, 0.0, velocity=still, now=0.0)
-    assert told.verdict.nearest.distance == pytest.approx(0.1)
+    command = guard.filter(
+        at_gap(0.1, len(figures)), still, 0.0, velocity=still, now=0.0
+    )
+    assert command.verdict.nearest.distance == pytest.approx(0.1)
     guard._watch.phase[0] = RECOVERING
     return guard, guard._lines.ctypes.data
 
@@ -106,8 +108,8 @@ def test_errors_along_the_normal_decide_whether_a_pair_surely_does_not_touch(
     scene.add(Sphere(radius=RADIUS), name="ball", pose=pose)
     guard = Guard(scene, self_test=False)
     still = np.zeros(1)
-    told = guard.filter(still, still, 0.0, velocity=still, now=0.0)
-    assert told.verdict.nearest.distance == pytest.approx(distance)
+    command = guard.filter(still, still, 0.0, velocity=still, now=0.0)
+    assert command.verdict.nearest.distance == pytest.approx(distance)
     watch = guard._watch
     watch.phase[0], watch.relief[0] = RECOVERING, 0.1
     leaving(guard)
@@ -121,10 +123,10 @@ def test_a_pair_that_may_touch_already_needs_no_distance_below_zero():
     guard = slides(figures, buffer=FLOOR, period=PERIOD)
     for k in range(40):
         now = k * PERIOD
-        told = guard.filter(at_gap(6e-4), [-0.3], now, velocity=[0.0], now=now)
-    assert told.verdict.level is Level.RECOVER
-    assert told.velocity[0] < 0.0
-    assert told.verdict.nearest.why == (
+        command = guard.filter(at_gap(6e-4), [-0.3], now, velocity=[0.0], now=now)
+    assert command.verdict.level is Level.RECOVER
+    assert command.velocity[0] < 0.0
+    assert command.verdict.nearest.why == (
         "left/ball 1 mm from ball: too close, but opening"
     )
 

@@ -11,13 +11,13 @@ from armguard.scene.settings import ResponseSettings
 from driven import Driven, ball_guard
 
 
-def stopped(form="filter", wish=0.5, **response):
+def stopped(form="filter", desired=0.5, **response):
     """A loop whose arm was stopped by a wish that was none, and now rests."""
     guard = Guard(ball_scene(response=ResponseSettings(**response)), self_test=False)
     loop = Driven(guard)
-    loop.run([wish], 150, form)
+    loop.run([desired], 150, form)
     loop.cycle([np.nan], form)
-    while loop.cycle([wish], form).action >= Action.STOP:
+    while loop.cycle([desired], form).action >= Action.STOP:
         assert len(loop.commands) < 1000
     return loop
 
@@ -107,21 +107,21 @@ def test_a_master_moved_half_a_radian_during_a_stop_is_caught_up_with_slowly():
     loop = Driven(ball_guard())
     loop.run(lambda loop: loop.guard.home + 0.5 * loop.t, 400, "filter_positions")
     loop.cycle([np.nan], "filter_positions")
-    master = loop.q + 0.5
-    command = loop.run(master, 600, "filter_positions")
+    leader = loop.q + 0.5
+    command = loop.run(leader, 600, "filter_positions")
     assert command.blocked == {"arm": Blocked.STOPPED}
     assert command.far_joints == ("arm/joint1",)
     assert (np.diff(loop.q_rows[-300:], axis=0) == 0.0).all()
     loop.guard.engage()
     begin = len(loop.v_rows)
-    command = loop.run(master, 100, "filter_positions")
+    command = loop.run(leader, 100, "filter_positions")
     assert command.blocked == {"arm": Blocked.CATCHING_UP}
-    loop.run(master, 4000, "filter_positions")
+    loop.run(leader, 4000, "filter_positions")
     speeds = np.abs(np.array(loop.v_rows[begin:]))[:, 0]
-    far = np.abs(np.array(loop.q_rows[begin:]) - master)[:, 0] > 0.101
+    far = np.abs(np.array(loop.q_rows[begin:]) - leader)[:, 0] > 0.101
     assert far.sum() > 1000
     assert speeds[: far.sum()].max() <= 0.1 * 2.0 + 1e-12
-    assert loop.q == pytest.approx(master, abs=1e-4)
+    assert loop.q == pytest.approx(leader, abs=1e-4)
 
 
 def test_nothing_winds_up_while_the_ball_is_in_the_way():

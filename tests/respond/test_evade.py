@@ -57,7 +57,7 @@ def gap(q, centre, radius):
     return float(np.linalg.norm(centre - along * tip)) - ARM - radius
 
 
-def come(guard, seconds=1.9, told=True, wish=0.0):
+def come(guard, seconds=1.9, has_velocity=True, desired=0.0):
     """Have the cart come at the arm.
 
     Returns:
@@ -72,9 +72,9 @@ def come(guard, seconds=1.9, told=True, wish=0.0):
             "cart",
             Pose(xyz=(*centre, 0.2)),
             time,
-            velocity=(0.0, -SPEED, 0.0) if told else None,
+            velocity=(0.0, -SPEED, 0.0) if has_velocity else None,
         )
-        command = guard.filter([q], [wish], time, velocity=[v], now=time)
+        command = guard.filter([q], [desired], time, velocity=[v], now=time)
         v = command.velocity[0]
         q += v * PERIOD
         rows.append(q)
@@ -90,16 +90,16 @@ def test_an_arm_at_rest_gets_out_of_the_way():
     assert Blocked.EVADING in blocked
 
 
-@pytest.mark.parametrize(("evade", "told"), [(False, True), (True, False)])
-def test_one_that_is_not_to_or_cannot_know_is_hit(evade, told):
-    least, rows, blocked = come(cart_guard(evade), told=told)
+@pytest.mark.parametrize(("evade", "has_velocity"), [(False, True), (True, False)])
+def test_one_that_is_not_to_or_cannot_know_is_hit(evade, has_velocity):
+    least, rows, blocked = come(cart_guard(evade), has_velocity=has_velocity)
     assert least < 0.0
     assert np.abs(rows).max() < 1e-6
     assert Blocked.EVADING not in blocked
 
 
 def test_an_arm_at_work_does_so_too_whatever_its_operator_wants():
-    least, _, blocked = come(cart_guard(), wish=0.05)
+    least, _, blocked = come(cart_guard(), desired=0.05)
     assert least > 0.0
     assert Blocked.EVADING in blocked
 
@@ -141,7 +141,9 @@ def test_nor_can_an_object_that_stands_still_have_one():
         guard.place("behind", Pose(xyz=(0.0, -0.7, 0.2)), 0.0, velocity=(0, 1, 0))
 
 
-def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), gone=None, wrong_at=None):
+def past(
+    guard, begin, velocity, seconds, *, desired=(0.0, 0.0), gone=None, wrong_at=None
+):
     """Have a cart come straight at an arm of links of 0.5 m, and go past.
 
     Args:
@@ -168,7 +170,7 @@ def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), gone=None, wrong_a
             gaps.append(links_gap(q, centre))
         elif gone - PERIOD < time:
             guard.remove("cart")
-        asked = np.array(wish)
+        asked = np.array(desired)
         if wrong_at is not None and abs(time - wrong_at) < 0.5 * PERIOD:
             asked[:] = np.nan
         command = guard.filter(q, asked, time, velocity=v, now=time)
@@ -253,7 +255,7 @@ def test_it_is_given_back_when_the_cart_is_gone():
 
 def test_an_operator_who_leads_into_the_way_of_what_comes_is_not_followed():
     guard = tall_cart_guard()
-    least, _, blocked = past(guard, (0.6, 1.2), (0.0, -0.4), 4.5, wish=(0.2, 0.0))
+    least, _, blocked = past(guard, (0.6, 1.2), (0.0, -0.4), 4.5, desired=(0.2, 0.0))
     assert least > 0.02
     assert Blocked.EVADING in blocked
 

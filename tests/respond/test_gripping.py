@@ -316,14 +316,14 @@ def test_only_links_that_are_fingers_may_touch():
 
 
 def test_without_filter_measured_speed_tells_what_is_meant():
-    for speed, meant in ((0.05, True), (0.3, False)):
+    for speed, intended in ((0.05, True), (0.3, False)):
         guard = guard_of(pick_scene())
         q, seen = guard.home, False
         for k in range(int(0.2 / speed / PERIOD)):
             q[2] -= speed * PERIOD
             guard.step(q, k * PERIOD, velocity=[0.0, 0.0, -speed, 0.0, 0.0])
             seen |= bool(guard.contracts)
-        assert seen == meant
+        assert seen == intended
 
 
 def episode(rng):
@@ -368,15 +368,15 @@ def test_random_episodes_succeed_and_touch_nothing_else():
         assert least >= FLOOR
 
 
-def wish_to_grip(loop, xy):
+def desired_grip(loop, xy):
     """What an operator wishes who grips a block: over it, down to it, and closed."""
     x, y, z = loop.q[:3]
     beside = max(abs(xy[0] - x), abs(xy[1] - y))
     goal = (*xy, DOWN) if beside < 0.003 else (x, y, UP) if z < UP - 0.02 else (*xy, UP)
-    wish = np.clip(4.0 * (np.array(goal) - loop.q[:3]), -0.08, 0.08)
+    desired = np.clip(4.0 * (np.array(goal) - loop.q[:3]), -0.08, 0.08)
     down = beside < 0.003 and z < DOWN + 0.003
     closing = np.clip((TOUCH if down else OPEN) - loop.q[3:], -0.02, 0.02)
-    return dict(zip(loop.guard.q_names, (*wish, *closing), strict=True))
+    return dict(zip(loop.guard.q_names, (*desired, *closing), strict=True))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -391,21 +391,21 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
     assert loop.go({"arm/z": 0.2}, speed=0.3, within=5e-3)
     touched, least = set(), np.inf
     for n in range(60):
-        wish = dict.fromkeys(guard.q_names, 0.0)
+        desired = dict.fromkeys(guard.q_names, 0.0)
         means = blocks[f"b{rng.integers(3)}"] if n % 15 == 7 else None
         speed = rng.choice([0.02, 0.06, 0.3])
         for axis, size in (("x", 1.0), ("y", 0.2), ("z", 1.0)):
-            wish[f"arm/{axis}"] = speed * size * rng.uniform(-1.0, 1.0)
-        wish["arm/z"] -= 0.4 * speed
+            desired[f"arm/{axis}"] = speed * size * rng.uniform(-1.0, 1.0)
+        desired["arm/z"] -= 0.4 * speed
         closing = rng.uniform(-0.05, 0.03)
-        wish["arm/open_left"] = wish["arm/open_right"] = closing
+        desired["arm/open_left"] = desired["arm/open_right"] = closing
         loop.rows.clear()
         for cycle in range(100 if means is None else 3000):
             if means is not None:
                 # Who was stopped lets go first.
-                wish = wish_to_grip(loop, means) if cycle > 20 else {}
-            loop.cycle(wish)
-            meant = int(guard._grips.grippers[0].target)
+                desired = desired_grip(loop, means) if cycle > 20 else {}
+            loop.cycle(desired)
+            intended = int(guard._grips.grippers[0].target)
             at = boxes_at(guard, loop.q)
             parts = [at["arm/left"], at["arm/right"]]
             for k in range(3):
@@ -413,7 +413,7 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
                 least = min(least, found)
                 # What opens is judged for now, its measurement may be 2 ms old.
                 if found < FLOOR - 4e-4:
-                    assert k == meant
+                    assert k == intended
                     touched.add(k)
                 assert gap(at["arm/hand"], at[f"b{k}"]) >= FLOOR
             assert min(gap(part, at["table"]) for part in parts) >= FLOOR
@@ -438,9 +438,9 @@ def test_whatever_is_wished_what_is_held_touches_only_what_it_may_rest_on(seed):
     least = {"table": np.inf, "others": np.inf}
     for _ in range(60):
         speed = rng.choice([0.05, 0.2, 0.6])
-        wish = {f"arm/{x}": speed * rng.uniform(-1.0, 1.0) for x in "xyz"}
+        desired = {f"arm/{x}": speed * rng.uniform(-1.0, 1.0) for x in "xyz"}
         for _ in range(80):
-            loop.cycle(wish)
+            loop.cycle(desired)
             at = boxes_at(guard, loop.q, {"block": "arm"}, {"block": offset})
             held, rest = at["block"], (at["one"], at["two"], post)
             parts = (held, at["arm/hand"], at["arm/left"], at["arm/right"])
@@ -462,8 +462,8 @@ def test_a_neighbour_20_mm_beside_keeps_its_full_buffer():
     guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
     loop = Loop(guard)
     assert loop.go({"arm/z": DOWN}, speed=0.08)
-    meant = {c.b for c in guard.contracts}
-    assert meant == {"block"}
+    intended = {c.b for c in guard.contracts}
+    assert intended == {"block"}
     assert loop.go(fingers(TOUCH), speed=0.02)
     # Now towards the neighbour, slowly, for long.
     loop.push({"arm/x": 0.01}, 2500)

@@ -67,11 +67,11 @@ class Arm:
     def cycle(self, twist=None, fingers=0.0):
         """One cycle, led by a twist or with the fingers."""
         if fingers:
-            wish = {"arm/panda_finger_joint1": fingers}
-            command = self.guard.filter(self.q, wish, self.t, velocity=self.v)
+            desired = {"arm/panda_finger_joint1": fingers}
+            command = self.guard.filter(self.q, desired, self.t, velocity=self.v)
         else:
-            wish = {HAND: np.zeros(6) if twist is None else twist}
-            command = self.guard.filter_twists(self.q, wish, self.t, velocity=self.v)
+            desired = {HAND: np.zeros(6) if twist is None else twist}
+            command = self.guard.filter_twists(self.q, desired, self.t, velocity=self.v)
         self.v = command.velocity
         self.q = self.q + self.v * PERIOD
         self.t += PERIOD
@@ -86,11 +86,11 @@ class Arm:
             way = np.array([x, y, z]) - T[:3, 3]
             if np.linalg.norm(way) < 1.5e-3 and np.abs(self.v).max() < 2e-3:
                 return True
-            wish = 6.0 * way
-            wish *= min(1.0, speed / np.linalg.norm(wish))
+            desired = 6.0 * way
+            desired *= min(1.0, speed / np.linalg.norm(desired))
             turn = 2.0 * np.cross(T[:3, 2], [0.0, 0.0, -1.0])
             turn[2] = -2.0 * T[0, 1]
-            self.cycle(np.concatenate([wish, turn]))
+            self.cycle(np.concatenate([desired, turn]))
         return False
 
     def judge(self):

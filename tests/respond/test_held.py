@@ -25,12 +25,12 @@ class Stopped(Driven):
         return command
 
 
-def held_loop(wish=0.5):
+def held_loop(desired=0.5):
     """A loop whose arm was stopped for a wrong command, and waits."""
     loop = Stopped(ball_guard())
-    loop.run([wish], 150)
+    loop.run([desired], 150)
     loop.cycle([np.nan])
-    while loop.cycle([wish]).action >= Action.STOP:
+    while loop.cycle([desired]).action >= Action.STOP:
         assert len(loop.commands) < 1000
     return loop
 
@@ -157,12 +157,12 @@ def test_a_checkpoint_knows_since_when_a_robot_is_held():
     loop.stop(9)
     other = ball_guard()
     other.restore(loop.guard.checkpoint())
-    told = [
+    commands = [
         guard.filter(loop.q, [0.0], loop.t, velocity=loop.v)
         for guard in (loop.guard, other)
     ]
-    assert told[0].held == told[1].held != {}
-    assert told[0].numbers.tobytes() == told[1].numbers.tobytes()
+    assert commands[0].held == commands[1].held != {}
+    assert commands[0].numbers.tobytes() == commands[1].numbers.tobytes()
 
 
 def test_a_reset_forgets_it():

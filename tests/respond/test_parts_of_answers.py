@@ -626,11 +626,11 @@ def test_what_drives_miss_is_how_far_they_are_outside_what_is_under_way(
     rng = np.random.default_rng(16)
     part = 1.0 - np.exp(-DT / MISSING_TIME)
     for _ in range(10):
-        a, m, told = answers(rng), motion(rng), watch(rng)
+        a, m, watched = answers(rng), motion(rng), watch(rng)
         middle, velocity = rng.uniform(-0.3, 0.3, (2, JOINTS))
-        told.given.has_velocity = measured
+        watched.given.has_velocity = measured
         v = record(
-            **told._asdict(),
+            **watched._asdict(),
             phase=np.array([phase]),
             velocity=velocity,
             under_way=np.sort(rng.uniform(-0.2, 0.2, (JOINTS, 2)), axis=1),

@@ -187,9 +187,9 @@ def test_a_table_never_promises_less_than_what_it_was_measured_on(delay):
     travel = lambda v: delay * v + v**2 / (2.0 * least)  # noqa: E731
     table = StopTable(speeds, tuple(map(time, speeds)), tuple(map(travel, speeds)))
     for v in np.linspace(0.01, 3.0, 300):
-        told_time, told_travel = table.at(v)
-        assert told_time >= time(v) - 1e-12
-        assert told_travel >= travel(v) - 1e-12
+        table_time, table_travel = table.at(v)
+        assert table_time >= time(v) - 1e-12
+        assert table_travel >= travel(v) - 1e-12
     assert table.deceleration <= least
 
 
@@ -367,7 +367,7 @@ def test_no_motion_within_the_figures_goes_farther():
     figures = declared_figures(ARM, FULL)
     for _ in range(60):
         j, speed = rng.integers(3), rng.uniform(0.0, 1.0)
-        told = stop_travel(figures, j, speed, period=0.008)
+        computed = stop_travel(figures, j, speed, period=0.008)
         step, v, way, reaction = 1e-4, speed, 0.0, rng.uniform(0.0, 0.018)
         for _ in range(int(reaction / step)):
             way += v * step
@@ -378,7 +378,7 @@ def test_no_motion_within_the_figures_goes_farther():
             share = min(1.0, braked / figures.ramp)
             v -= rng.uniform(1.0, 2.0) * share * figures.deceleration[j] * step
             way, braked = way + max(v, 0.0) * step, braked + step
-        assert way <= told.travel + 1e-3 * figures.velocity[j]
+        assert way <= computed.travel + 1e-3 * figures.velocity[j]
 
 
 def test_a_stop_is_longer_the_faster_the_later_the_softer():

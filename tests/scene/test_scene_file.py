@@ -62,7 +62,7 @@ index: {kind: brute_force, leaf_capacity: 3, cube: {centre: [0, 0, 0], edge: 9}}
 """
     )
     scene = load_scene(write(tmp_path, text))
-    shapes = {name: thing.shapes[0].shape for name, thing in scene.objects.items()}
+    shapes = {name: item.shapes[0].shape for name, item in scene.objects.items()}
     assert shapes["ball"] == Sphere(radius=0.1, rounding=0.01)
     assert shapes["rod"] == Capsule(start=(0, 0, 0), end=(0, 0, 1), radius=0.1)
     assert shapes["stick"].end == (0, 0, 0.2)

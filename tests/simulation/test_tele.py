@@ -28,10 +28,10 @@ def test_wishes_are_smooth_and_no_faster_than_the_arms():
     driver, dt = TeleDriver(TABLES, seed=2), 0.004
     q, last = TABLES.home, np.zeros(14)
     for k in range(int(10 * LEG / dt)):
-        wish = driver.desired(k * dt, q)
-        assert (np.abs(wish) <= 0.8 * TOP + 1e-12).all()
-        assert (np.abs(wish - last) <= 10.0 * TOP * dt).all()
-        q, last = q + wish * dt, wish
+        desired = driver.desired(k * dt, q)
+        assert (np.abs(desired) <= 0.8 * TOP + 1e-12).all()
+        assert (np.abs(desired - last) <= 10.0 * TOP * dt).all()
+        q, last = q + desired * dt, desired
         assert (q > TABLES.lower).all() and (q < TABLES.upper).all()
 
 
@@ -46,14 +46,14 @@ def test_after_a_stop_he_lets_go_waits_engages_and_goes_elsewhere():
     stopped = {"left": Blocked.STOPPED}
     first, _ = operator.drive(1.0, TABLES.home, {})
     assert first[:7].any() and first[7:].any()
-    wish, engages = operator.drive(1.01, TABLES.home, stopped)
-    assert not wish[:7].any() and wish[7:].any() and engages == []
+    desired, engages = operator.drive(1.01, TABLES.home, stopped)
+    assert not desired[:7].any() and desired[7:].any() and engages == []
     # He looks on, whatever the arm does: it is too early to go on.
-    wish, engages = operator.drive(1.1, TABLES.home, {})
-    assert not wish[:7].any() and engages == []
-    wish, engages = operator.drive(1.2, TABLES.home, stopped)
-    wish, engages = operator.drive(1.21 + 2 * WAIT, TABLES.home, stopped)
-    assert engages == ["left"] and not wish[:7].any()
+    desired, engages = operator.drive(1.1, TABLES.home, {})
+    assert not desired[:7].any() and engages == []
+    desired, engages = operator.drive(1.2, TABLES.home, stopped)
+    desired, engages = operator.drive(1.21 + 2 * WAIT, TABLES.home, stopped)
+    assert engages == ["left"] and not desired[:7].any()
 
 
 def test_after_a_stop_he_backs_off_before_he_goes_elsewhere():

@@ -282,8 +282,8 @@ def opened(station: Station) -> Station:
     station.until(lambda: station.light() not in ("None", ""), "no light")
     page.get_by_role("tab", name="Drive").wait_for(timeout=PATIENCE * 1e3)
     # Viser says that it draws without a graphics card; that is so.
-    told = page.get_by_text("Software WebGL rendering detected")
-    if told.count():
+    notice = page.get_by_text("Software WebGL rendering detected")
+    if notice.count():
         page.locator("[class*=Notification] button").first.click(force=True)
     return station
 

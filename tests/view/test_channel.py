@@ -80,7 +80,7 @@ def listening(loop, **headers):
     return connect(channel_of(loop.view.login.link), additional_headers=sent)
 
 
-async def told(page, seconds):
+async def states_of(page, seconds):
     """States the page is told of within some time."""
     found = []
     try:
@@ -104,8 +104,8 @@ def test_every_change_of_a_level_is_told_with_its_sentence(loop):
                 if levels != before:
                     changes.append((k, verdict))
                 before = levels
-                messages += await told(page, 0.02)
-            messages += await told(page, 0.5)
+                messages += await states_of(page, 0.02)
+            messages += await states_of(page, 0.5)
             await page.send(json.dumps({"type": "stop"}))
             for nonsense in NONSENSE:
                 await page.send(nonsense)

@@ -161,8 +161,8 @@ def test_a_near_miss_turns_the_light_and_stops_the_arm(station):
     def stopped():
         if at_rest(station):
             station.lead(1)
-        told = page.evaluate("window.levelsSeen")
-        return any(level in STOPPED and "post" in why for level, why in told)
+        seen = page.evaluate("window.levelsSeen")
+        return any(level in STOPPED and "post" in why for level, why in seen)
 
     station.until(stopped, "the post did not stop the arm")
     station.picture("stopped")

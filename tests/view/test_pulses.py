@@ -158,7 +158,7 @@ def test_silence_ends_inputs():
     assert beats.silence() > LEFT
 
 
-async def told(view, browser, what):
+async def first_state(view, browser, what):
     """The first state that a page is told of which something is true."""
     channel = connect(channel_of(view.login.link), additional_headers=browser)
     async with channel as page, asyncio.timeout(PATIENCE):
@@ -171,11 +171,11 @@ async def told(view, browser, what):
 def test_a_stop_by_a_person_is_named_and_engaged_from_the_page(live):
     view, browser = live
     ready(view)
-    asyncio.run(told(view, browser, lambda message: not message["held"]))
+    asyncio.run(first_state(view, browser, lambda message: not message["held"]))
     with Client(view.commander._client.port, role=Role.OBSERVE, name="person") as one:
         one.connect()
         one.stop()
-    message = asyncio.run(told(view, browser, lambda message: message["held"]))
+    message = asyncio.run(first_state(view, browser, lambda message: message["held"]))
     assert message["name"] == message["word"] == "HELD"
     assert message["why"].startswith("STOPPED BY A PERSON, since ")
     assert "press Engage all" in message["why"]
@@ -193,7 +193,9 @@ def test_a_stop_by_a_person_is_named_and_engaged_from_the_page(live):
 
     assert asyncio.run(press())
     view.driver.tele = None
-    message = asyncio.run(told(view, browser, lambda message: not message["held"]))
+    message = asyncio.run(
+        first_state(view, browser, lambda message: not message["held"])
+    )
     assert "STOPPED" not in message["why"]
 
 

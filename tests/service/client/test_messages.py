@@ -87,7 +87,7 @@ def test_an_answer_says_what_its_message_did_whatever_comes_after_it(far, client
     answer = client.receive(PATIENCE)
     # Nothing of it was looked at before the next ones came into the same room.
     for k in range(2, 12):
-        far.send(far.command(k, told=float(k), a=1))
+        far.send(far.command(k, offset=float(k), a=1))
         assert client.receive(PATIENCE).cycle == k
     assert answer.cycle == 1
     assert answer.began == (client.sender, 1)
@@ -124,9 +124,9 @@ def test_an_answer_is_as_old_as_its_own_clock_says(far, client):
     far.send(far.command(1))
     answer = client.receive(PATIENCE)
     assert 60.0 < answer.age < 120.0
-    told = client.latest
-    assert told.cause is Cause.NO_ANSWER
-    assert told.stops and not told.velocity.any()
+    newest = client.latest
+    assert newest.cause is Cause.NO_ANSWER
+    assert newest.stops and not newest.velocity.any()
 
 
 def test_a_service_of_which_everything_is_old_is_silent(far):

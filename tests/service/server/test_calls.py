@@ -34,9 +34,9 @@ def all_objects(client):
     """All that was placed, as far as it takes."""
     found, count = {}, 1
     while len(found) < count:
-        told = client.call("objects", first=len(found))
-        found |= told["objects"]
-        count = told["count"] if told["objects"] else 0
+        reply = client.call("objects", first=len(found))
+        found |= reply["objects"]
+        count = reply["count"] if reply["objects"] else 0
     return found
 
 
@@ -50,19 +50,19 @@ def test_who_comes_late_is_told_where_things_were_put(served):
         sensor.call("place", name=spare, pose=pose, shape=size)
         sensor.call("place", name=gone, pose=pose)
         sensor.call("remove", name=gone)
-        told = all_objects(late)
-        assert told[spare]["shape"] == {**size, "rounding": 0.0}
-        assert np.array(told[spare]["pose"]) == pytest.approx(pose.matrix())
-        assert told[gone] is None
-        assert set(told) == {*before, spare, gone}
+        reply = all_objects(late)
+        assert reply[spare]["shape"] == {**size, "rounding": 0.0}
+        assert np.array(reply[spare]["pose"]) == pytest.approx(pose.matrix())
+        assert reply[gone] is None
+        assert set(reply) == {*before, spare, gone}
         sensor.call("remove", name=spare)
 
 
 def test_other_settings_are_taken_over_while_everything_rests(served):
     with served.client(role=Role.ADMINISTER) as client, served.client() as other:
         arms = Arms(client)
-        wish = np.full(14, 0.02)
-        arms.lead(wish)
+        desired = np.full(14, 0.02)
+        arms.lead(desired)
         with pytest.raises(RefusedError, match="only while every robot rests"):
             client.call("configure", response="stop")
         arms.drive_until(STILL, lambda a: not a.velocity.any())
@@ -73,18 +73,18 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
             client.call("configure", mode="fixed")
         before = client.welcome.scene_hash
         cycle = client.call("ping")["cycle"]
-        told = client.call("configure", response={"left": "stop"}, mode="speed")
-        assert told["scene_hash"] != before
-        assert client.welcome.scene_hash == told["scene_hash"]
+        reply = client.call("configure", response={"left": "stop"}, mode="speed")
+        assert reply["scene_hash"] != before
+        assert client.welcome.scene_hash == reply["scene_hash"]
         # Everybody else is told too, and the same ring goes on.
         until(other_hears(other), lambda _: other.welcome.scene_hash != before)
-        assert arms.lead(wish).cycle > cycle
+        assert arms.lead(desired).cycle > cycle
         notes = [
             frame.text
             for frame in map(frame_of, RingReader(served.ring).unread())
             if frame.kind is Kind.NOTE and frame.text.get("note") == "scene"
         ]
-        assert notes[-1]["scene_hash"] == told["scene_hash"]
+        assert notes[-1]["scene_hash"] == reply["scene_hash"]
         assert notes[-1]["settings"]["modes"] == {"left": "speed", "right": "speed"}
         assert notes[-1]["settings"]["responses"]["left"] == "stop"
         # Who replays what follows has a place to begin.
