@@ -99,7 +99,7 @@ def test_one_set_of_figures_reproduces_both_controlled_stops():
         ("all three", lambda s: s.travel, paper_buffer.stop_time),
     ],
 )
-def test_the_parts_of_the_stops_are_as_told(name, way, time):
+def test_the_parts_of_the_stops_are_as_stated(name, way, time):
     stated = row_of(name)
     for k, stop in enumerate(stops_of_the_set().values()):
         assert stated[2 * k] == pytest.approx(way(stop) / paper_buffer.INCH, abs=0.0051)

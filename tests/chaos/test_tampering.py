@@ -23,7 +23,7 @@ def state(seal=None):
     return bytes(outbox.seal(Kind.STATE, STATE.size + SIZE))
 
 
-def test_only_the_messages_that_are_meant_are_tampered_with():
+def test_only_messages_of_the_chosen_kind_are_tampered_with():
     tamper = on(STATES, tampering.lost)
     message = state()
     assert tamper(message, True) == ()

@@ -116,7 +116,7 @@ def test_an_operator_has_no_influence_from_the_effect_on():
     assert (ways[0] == ways[1]).all()
 
 
-def test_a_plant_stands_until_it_is_given_to_its_operator():
+def test_a_plant_is_at_rest_until_it_is_given_to_its_operator():
     p = plants.plant_at(NOTHING, FIRST, VELOCITY, ACCELERATION, 2.0 * DECELERATION)
     assert not run(p, 0, 400, VELOCITY)[0].any()
     assert plants.release(p, 0)
@@ -187,7 +187,7 @@ def test_a_stop_may_swing_back_before_its_rest():
 
 
 @pytest.mark.parametrize("style", ["adverse", "least", "random"])
-def test_swings_back_are_drawn_where_they_are_asked_for(style):
+def test_swings_back_are_drawn_where_they_are_requested(style):
     rng, known = np.random.default_rng(3), [figures()]
     styles = Styles("most", style, "none", True)
     closing = np.array([1.0, -1.0, 0.0])

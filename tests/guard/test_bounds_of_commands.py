@@ -70,7 +70,7 @@ UNDER_WAY = {
 
 @pytest.mark.parametrize("which_slide", [0, 1])
 @pytest.mark.parametrize("case", UNDER_WAY)
-def test_what_was_told_counts_until_it_is_surely_replaced(case, which_slide):
+def test_a_command_counts_until_it_is_surely_replaced(case, which_slide):
     figures, known = UNDER_WAY[case]
     figures = {**FIGURES, **figures}
     guard = slides(*[{}] * which_slide, figures, period=PERIOD)

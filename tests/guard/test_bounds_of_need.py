@@ -271,7 +271,7 @@ def test_only_the_slide_that_is_too_near_to_something_is_stopped():
 
 @pytest.mark.parametrize("share", [0.97, 1.03])
 @pytest.mark.parametrize("slower", [0, 1])
-def test_time_is_short_for_who_has_a_quarter_of_the_closing_speed(slower, share):
+def test_time_is_short_for_a_slide_with_a_quarter_of_the_closing_speed(slower, share):
     # Together they close 1 m/s.
     speeds = np.full(2, 1.0 - 0.25 * share)
     speeds[slower] = 0.25 * share
@@ -300,7 +300,7 @@ def test_beyond_the_margin_a_pair_is_reported_while_it_is_nearly_short(share):
 
 @pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("joints", [1, 2])
-def test_beyond_the_margin_a_pair_is_reported_to_who_may_measure_it_nearer(
+def test_beyond_the_margin_a_pair_is_reported_where_it_may_be_measured_nearer(
     joints, filtered
 ):
     """Two errors of a position: one in what it has left, one that is to come."""

@@ -287,7 +287,9 @@ def test_a_measured_stop_that_begins_at_once_and_lingers_is_as_declared():
 
 
 @pytest.mark.parametrize("table", [False, True])
-def test_who_moved_at_rest_may_get_as_far_as_a_table_leads_him_but_no_figure(table):
+def test_a_slide_that_moved_at_rest_may_get_as_far_as_a_table_leads_but_no_figure(
+    table,
+):
     """By its figures this slide stops within 15 mm, by its table in a third of a s."""
     figures = {"deceleration": 50.0, "deceleration_most": 100.0, "command": 0.01}
     if table:
@@ -301,7 +303,7 @@ def test_who_moved_at_rest_may_get_as_far_as_a_table_leads_him_but_no_figure(tab
 
 
 @pytest.mark.parametrize("moved", [False, True])
-def test_a_stop_under_way_is_named_as_such_but_for_who_moved_at_rest(moved):
+def test_a_stop_under_way_is_named_as_such_but_not_of_a_slide_that_moved_at_rest(moved):
     guard, speed = slides({"command": 0.05}, period=PERIOD), 0.5 * moved
     if moved:
         known = first = Reason.MOVED_AT_REST

@@ -30,7 +30,7 @@ def led(guard, seed, cycles=400):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_what_is_told_is_the_same_to_the_bit(scene, monkeypatch):
+def test_commands_are_the_same_to_the_bit(scene, monkeypatch):
     quick = led(SCENES[scene](), 4)
     # Without room for what pairs had left, all of them are judged anew.
     monkeypatch.setattr("armguard.guard.initial.JUDGED_ROOM", 0)

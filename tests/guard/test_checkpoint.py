@@ -381,7 +381,7 @@ def test_every_whole_number_of_a_checkpoint_has_a_rule():
 
 
 @pytest.mark.parametrize("value", [1 << 41, 1 << 62, -7000, -(1 << 63)])
-def test_a_number_that_is_no_place_is_refused_wherever_it_stands(value):
+def test_a_number_that_is_no_place_is_refused_in_every_field(value):
     guard = gripping_guard()
     good = guard.checkpoint()
     rules = guard._saving.rules

@@ -93,7 +93,7 @@ def test_what_is_sent_by_an_arm_that_stops_is_the_declared_stop():
 
 
 @pytest.mark.parametrize("stamp", [np.nan, None, -5.0, "soon", {}])
-def test_a_stamp_that_cannot_be_told_leads_to_rest_as_well(stamp):
+def test_a_stamp_that_cannot_be_true_leads_to_rest_as_well(stamp):
     guard = fresh()
     q, v = -1.0, 0.0
     for k in range(100):

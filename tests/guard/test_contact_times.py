@@ -60,7 +60,7 @@ def test_by_levers_a_pair_touches_when_its_joints_get_there_all_errors_considere
     assert times[0, 0] == pytest.approx(root.max() - age, rel=1e-6)
 
 
-def test_no_pair_that_is_passed_over_is_sooner_than_what_is_told():
+def test_no_pair_that_is_passed_over_is_sooner_than_a_reported_one():
     guard = crowded_guard(lambda sentence: None)
     n = len(guard.q_names)
     phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, n)

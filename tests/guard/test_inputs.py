@@ -171,7 +171,7 @@ def prepare_at_limit(guard, q, case):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_its_sentence_names_who_it_is_about(guard, case):
+def test_its_sentence_names_what_it_is_about(guard, case):
     given, _, says = CASES[case]
     prepare_at_limit(guard, given.get("q"), case)
     verdict = give(guard, given)
@@ -215,7 +215,7 @@ def test_an_object_that_is_not_there_need_not_be_seen():
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_causes_tell_the_reason_later_too(guard, case):
+def test_causes_name_the_reason_later_too(guard, case):
     given, reason, _ = CASES[case]
     prepare_at_limit(guard, given.get("q"), case)
     verdict = give(guard, given)

@@ -96,7 +96,7 @@ class Noisy(Driven):
         return command
 
 
-def test_an_arm_at_its_limit_stands_still_and_is_led_inwards(at_limit):
+def test_an_arm_at_its_limit_rests_and_is_led_inwards(at_limit):
     guard, side = at_limit
     guard.reset()
     loop = Noisy(guard)

@@ -22,7 +22,7 @@ def guard():
     return ball_guard()
 
 
-def test_nothing_is_told_where_nothing_slows(guard):
+def test_no_cause_is_reported_where_nothing_slows(guard):
     assert moving(guard, 0.5, 0.1).nuisance is None
     assert classify(Level.CAUTION, Reason.NEAR, None) is None
 
@@ -60,7 +60,7 @@ def test_the_same_deficit_with_data_in_time_is_not_stale(guard):
     assert verdict.nuisance.cause is Cause.LATENCY
 
 
-def test_a_slow_is_told_too(guard):
+def test_a_slow_is_reported_too(guard):
     verdict = moving(guard, 0.2, 1.0)
     assert verdict.level is Level.SLOW
     assert verdict.nuisance.cause is Cause.TRUE_NEED
@@ -153,7 +153,7 @@ def channel():
     return np.array(whole.vertices), np.array(whole.faces)
 
 
-def test_what_is_mended_with_less_is_told_first():
+def test_the_cause_with_the_smallest_remedy_is_reported_first():
     late = Delayed("left", way=0.010, time=0.010, excess=0.004)
     early = Delayed("right", way=0.010, time=0.010, excess=0.0)
     causes = [
@@ -170,6 +170,6 @@ def test_what_is_mended_with_less_is_told_first():
     assert causes[2].remedy == "react 6.0 ms faster: period, late, or delays"
 
 
-def test_a_stop_under_way_is_told_once():
+def test_a_stop_under_way_is_reported_once():
     assert classify(Level.STOP, Reason.STOPPING, None) is None
     assert classify(Level.RECOVER, Reason.RESTING, None) is None

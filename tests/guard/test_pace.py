@@ -42,7 +42,7 @@ def test_at_the_declared_rate_it_moves_and_is_never_stopped(rate, caplog):
 
 
 @pytest.mark.parametrize("rate", RATES[:-1])
-def test_at_a_lower_rate_it_is_told_both_figures_and_the_key(rate, caplog):
+def test_at_a_lower_rate_both_figures_and_the_key_are_named(rate, caplog):
     guard = Guard(scene_of(0.001), self_test=False)
     with caplog.at_level(logging.WARNING, logger="armguard"):
         commands, _ = loop(guard, rate, 100)
@@ -97,7 +97,7 @@ def test_late_cycles_now_and_then_are_no_slower_loop(passed, caplog):
     assert not caplog.records
 
 
-def test_jitter_is_told_as_late(caplog):
+def test_jitter_is_reported_as_late(caplog):
     pace = Pace(0.001, 0.0005)
     for row in answers(*[0.0195, 0.0205] * IN_A_ROW):
         pace.note(row)
@@ -107,6 +107,6 @@ def test_jitter_is_told_as_late(caplog):
     assert "`cycle: {period: 0.02, late: 0.0005}`" in record.getMessage()
 
 
-def test_a_service_is_told_its_rate():
+def test_a_late_cycle_of_a_service_names_the_rate_to_set():
     assert "--rate 50;" in late_sentence(0.02, 0.001, 0.0)
     assert "--rate 29.94;" in late_sentence(1.0 / 30.0, 0.001, 0.0)

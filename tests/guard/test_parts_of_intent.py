@@ -44,9 +44,7 @@ STATES = [
 
 
 @pytest.mark.parametrize(("one", "other", "over", "spent"), STATES)
-def test_what_was_meant_is_forgotten_once_all_its_contracts_are_over(
-    one, other, over, spent
-):
+def test_a_target_is_forgotten_once_all_its_contracts_are_over(one, other, over, spent):
     h = record(
         grippers=records(2, GripperRow),
         contracts=records(6, ContractRow),
@@ -166,7 +164,7 @@ def down(speed, across=0.0):
 
 @pytest.mark.parametrize("intended", [-1, 0])
 @pytest.mark.parametrize("speed", [0.015, 0.05])
-def test_what_is_meant_most_is_nearest_to_the_way_and_to_the_middle(speed, intended):
+def test_the_target_is_the_block_nearest_to_the_way_and_to_the_middle(speed, intended):
     """A way straight down leads past the first block as far as it is beside it."""
     for offset in (-BLOCK[0], 0.005, 0.97 * AIMED):
         guard = over_blocks(offset)
@@ -190,7 +188,7 @@ def test_a_way_that_leads_past_it_means_nothing(intended):
         assert (found == np.inf) == (share > 1.0)
 
 
-def test_what_a_contract_was_spent_on_is_meant_only_by_who_still_means_it():
+def test_the_object_of_a_spent_contract_is_a_target_only_while_it_stays_one():
     guard = over_blocks(0.0)
     own = guard._grips.grippers[0]
     own.expired_target = 0
@@ -202,7 +200,7 @@ def test_what_a_contract_was_spent_on_is_meant_only_by_who_still_means_it():
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
-def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
+def test_another_block_is_the_target_only_if_it_is_nearer_by_more_than_5_mm(share):
     apart = 2.0 * BLOCK[0] + 0.03
 
     def nearer_by(offset):
@@ -232,7 +230,7 @@ def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
 
 @pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("speed", [-0.05, 0.05])
-def test_what_is_meant_is_read_from_what_is_asked_or_measured(speed, filtered):
+def test_the_target_is_read_from_desired_or_measured_motion(speed, filtered):
     guard = over_blocks(0.0)
     for k in range(1, 4):
         time, velocity = k * 1e-3, down(speed)

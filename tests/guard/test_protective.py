@@ -62,7 +62,7 @@ def test_the_persons_way_grows_with_the_time_since_it_was_seen(person):
     assert old.s_h - fresh.s_h >= SPEED * 0.043 - 1e-9
 
 
-def test_it_is_none_where_nobody_stands():
+def test_it_is_none_where_no_person_is():
     guard = ball_guard()
     verdict = moving(guard, 0.1, 0.5)
     assert verdict.protective_distance is None

@@ -55,7 +55,7 @@ def value(g, h, moves):
 
 @pytest.mark.parametrize("steep", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("joints", [1, 2, 3, 4])
-def test_no_position_in_the_ranges_exceeds_what_is_told(joints, steep):
+def test_no_position_in_the_ranges_exceeds_the_bound(joints, steep):
     for rng, g, h in forms(joints, steep):
         rows = records(joints, JointRow)
         width = rng.uniform(0.1, 1.0, joints)
@@ -93,7 +93,7 @@ def test_what_one_joint_decides_the_other_one_is_left_with():
 
 @pytest.mark.parametrize("steep", [0.3, 3.0, 30.0])
 @pytest.mark.parametrize("joints", [1, 2, 3])
-def test_no_position_on_a_line_exceeds_what_is_told_of_its_ends(joints, steep):
+def test_no_position_on_a_line_exceeds_the_bounds_of_its_ends(joints, steep):
     for rng, g, h in forms(joints, steep):
         rows = records(joints, JointRow)
         way, wide = rng.normal(size=joints), rng.uniform(0.0, 1.0, joints)

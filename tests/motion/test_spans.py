@@ -119,7 +119,7 @@ def test_no_motion_within_its_figures_leaves_a_span(case, sign):
             assert (way >= low - GRAIN).all()
 
 
-def test_a_slide_that_was_told_to_stand_stops_going_back_as_hard_as_it_may():
+def test_a_slide_with_a_command_to_rest_stops_going_back_as_hard_as_it_may():
     figures = {"acceleration": 100.0, "command": 0.05, "deceleration": 5.0}
     guard, speed, x = slides(figures, period=PERIOD), -0.3, 0.0
     let_go(guard)

@@ -170,7 +170,7 @@ def test_what_the_budget_does_not_pay_for_stays_open_and_is_tried_again():
     assert proof.verdict in ("open", "never")
 
 
-def test_progress_is_told_and_a_link_nobody_has_is_an_error():
+def test_progress_is_reported_and_an_unknown_link_is_an_error():
     robot = robot_of(simple_arm())
     reported = []
     prove_pairs(robot, progress=lambda *words: reported.append(words))

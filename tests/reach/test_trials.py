@@ -104,7 +104,7 @@ def test_tools_are_where_the_guard_has_them(arena):
             assert np.allclose((ahead - back) / 2e-6, J[:3, j], atol=1e-6)
 
 
-def test_without_a_guard_operators_run_into_things(arena):
+def test_without_a_guard_operators_run_into_obstacles(arena):
     ends = [run(arena, seed, Blind(arena))[1].end for seed in CROOKED]
     assert "contact" in ends
 
@@ -125,7 +125,7 @@ def test_a_field_reaches_them_too(arena, seed):
 
 
 @pytest.mark.parametrize("response", ["deflect", "slow", "stop", "field"])
-def test_nothing_is_touched_whoever_steers(arena, response):
+def test_nothing_is_touched_with_any_operator(arena, response):
     answers = answering(arena, response)
     outcomes = [run(arena, seed, answers)[1] for seed in CROOKED]
     assert all(o.contact is None for o in outcomes)

@@ -260,7 +260,7 @@ def test_a_folder_that_is_removed_is_made_again(tmp_path, monkeypatch):
     assert any("earlier frames are missing" in problem for problem in answer.problems)
 
 
-def test_a_slow_disk_keeps_nobody_waiting_and_nothing_is_lost(tmp_path, monkeypatch):
+def test_a_slow_disk_keeps_no_cycle_waiting_and_nothing_is_lost(tmp_path, monkeypatch):
     write = os.write
     waits = threading.Event()
 
@@ -390,7 +390,7 @@ def test_it_ends_with_the_service_that_started_it(tmp_path):
     assert replay(open_recording(folder)).cycles == tape.k
 
 
-def test_a_service_that_is_gone_already_is_waited_for_by_nobody(tmp_path):
+def test_no_process_waits_for_a_service_that_is_gone_already(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     tape = Tape(tmp_path)

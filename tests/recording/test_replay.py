@@ -243,7 +243,7 @@ def test_a_recording_in_mode_fixed_is_asked_what_prediction_would_say(tmp_path):
     assert path.first_difference is not None
 
 
-def test_the_command_line_tells_it_as_json_and_by_its_exit_code(drive):
+def test_the_command_line_reports_it_as_json_and_by_its_exit_code(drive):
     folder, tape = drive
 
     def run(*options):

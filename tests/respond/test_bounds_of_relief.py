@@ -131,7 +131,7 @@ def test_a_pair_that_may_touch_already_needs_no_distance_below_zero():
     )
 
 
-def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
+def test_relief_needs_commands_and_a_motion_that_is_under_way():
     for commanded, segment in ((1.0, 0), (0.0, 0), (1.0, 1)):
         guard, lines = looked_at({})
         leaving(guard)
@@ -227,7 +227,7 @@ def leads_away(response, lines):
 
 @pytest.mark.parametrize(("share", "at_once"), [(0.985, True), (1.015, False)])
 @pytest.mark.parametrize("asks", [False, True])
-def test_who_is_not_asked_leaves_only_as_slowly_as_he_can_begin_to(
+def test_a_robot_without_desired_motion_leaves_only_as_slowly_as_it_can_begin_to(
     share, at_once, asks
 ):
     """What surely leads away is a quarter more than what the drive may miss."""
@@ -325,7 +325,7 @@ def test_nothing_is_proven_for_an_arm_that_leaves_what_comes_by_itself():
     assert rests.blocked == {"left": Blocked.TOO_NEAR} and not rests.verdict.unproven
 
 
-def test_a_robot_that_leaves_what_stands_still_is_proven():
+def test_a_robot_that_leaves_a_stationary_body_is_proven():
     loop = Beside(top_speed=0.0)
     for _ in range(5):
         resting = loop.cycle(0.0)
@@ -336,7 +336,7 @@ def test_a_robot_that_leaves_what_stands_still_is_proven():
 
 
 @pytest.mark.parametrize(("share", "goes_on"), [(1.0, True), (1.5, False)])
-def test_who_is_come_at_faster_than_declared_is_stopped(share, goes_on):
+def test_a_robot_approached_faster_than_declared_is_stopped(share, goes_on):
     loop = Beside()
     for _ in range(5):
         loop.cycle(0.0)
@@ -345,7 +345,7 @@ def test_who_is_come_at_faster_than_declared_is_stopped(share, goes_on):
     assert (max(actions) is Action.FOLLOW) == goes_on
 
 
-def test_who_leaves_one_thing_slows_down_before_another_one_by_himself():
+def test_a_robot_that_leaves_one_body_slows_down_before_another_one_by_itself():
     scene = Scene(buffer=FLOOR, margin=1.0, period=PERIOD)
     figures = {"acceleration": 8.0, "tracking_error": 1e-3, "command": 0.02}
     scene.add_robot(slide(), name="left", stopping={**EXACT, **figures})

@@ -149,7 +149,7 @@ def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
             assert row[k] == pytest.approx(n @ (ways[0] - ways[1]) / step, abs=1e-5)
 
 
-def test_what_is_asked_for_keeps_its_direction_while_the_robot_speeds_up_to_it():
+def test_desired_motion_keeps_its_direction_while_the_robot_speeds_up_to_it():
     model = simple_arm(joints=2)
     scene = Scene(mode="path", period=PERIOD)
     scene.add_robot(model, name="arm", stopping=FIGURES)

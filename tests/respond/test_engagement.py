@@ -22,7 +22,7 @@ def stopped(form="filter", desired=0.5, **response):
     return loop
 
 
-def test_after_a_stop_a_wish_that_was_never_let_go_is_not_followed():
+def test_after_a_stop_desired_motion_that_never_ended_is_not_followed():
     loop = stopped()
     command = loop.run([0.5], 200)
     assert command.action is Action.HOLD
@@ -50,7 +50,7 @@ def test_letting_go_once_is_enough():
     assert command.velocity[0] == 0.5
 
 
-def test_so_is_asking_for_a_way_that_leads_away():
+def test_so_is_desired_motion_that_leads_away():
     loop = stopped()
     loop.run([0.5], 20)
     command = loop.run([-0.5], 120)
@@ -103,7 +103,7 @@ def test_or_it_is_refused_with_the_joints_named():
     assert loop.commands[-1].blocked == {"arm": Blocked.NOT}
 
 
-def test_a_master_moved_half_a_radian_during_a_stop_is_caught_up_with_slowly():
+def test_a_leader_arm_moved_half_a_radian_during_a_stop_is_caught_up_with_slowly():
     loop = Driven(ball_guard())
     loop.run(lambda loop: loop.guard.home + 0.5 * loop.t, 400, "filter_positions")
     loop.cycle([np.nan], "filter_positions")
@@ -166,7 +166,7 @@ def test_an_arm_too_near_to_what_came_may_leave_it_at_the_speed_of_recovery():
     assert out.velocity[0] == -0.5
 
 
-def test_between_two_things_too_near_it_says_that_it_is_pinched():
+def test_between_two_bodies_too_near_it_says_that_it_is_pinched():
     scene = ball_scene()
     for name in ("one", "other"):
         scene.add(Sphere(radius=0.1), name=name, present=False)
@@ -203,7 +203,7 @@ def test_so_has_one_whose_stop_was_over_while_nothing_could_be_judged(value):
 
 @pytest.mark.parametrize("begins", ["new", "reset"])
 @pytest.mark.parametrize("wrong", ["stamp", "nan", "infinite", "far out", "velocity"])
-def test_before_anything_is_known_no_position_is_told(begins, wrong):
+def test_before_anything_is_known_no_position_is_commanded(begins, wrong):
     guard = ball_guard()
     home, nothing = guard.home, np.zeros(len(guard.q_names))
     there = home + 0.3

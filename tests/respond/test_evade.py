@@ -135,7 +135,7 @@ def test_a_velocity_that_cannot_be_is_an_error(velocity, words):
         guard.place("cart", Pose(xyz=(0.7, 0.6, 0.2)), 0.0, velocity=velocity)
 
 
-def test_nor_can_an_object_that_stands_still_have_one():
+def test_nor_can_a_stationary_object_have_one():
     guard = cart_guard(behind=-1.5)
     with pytest.raises(SceneError, match="no top_speed"):
         guard.place("behind", Pose(xyz=(0.0, -0.7, 0.2)), 0.0, velocity=(0, 1, 0))
@@ -238,7 +238,7 @@ def test_what_misses_is_no_threat():
     assert np.abs(rows).max() < 1e-6
 
 
-def test_it_stands_aside_until_the_cart_has_passed_and_is_given_back():
+def test_it_waits_aside_until_the_cart_has_passed_and_is_given_back():
     _, rows, blocked = past(tall_cart_guard(), (0.9, 1.0), (0.0, -0.4), 6.0)
     assert runs_of(blocked) == 1
     assert blocked[-1] is Blocked.NOT
@@ -290,7 +290,7 @@ def test_an_arm_that_was_stopped_evades_when_it_rests():
     assert least > 0.02
 
 
-def test_what_passes_near_by_stops_nobody_who_could_evade_it():
+def test_what_passes_near_by_stops_no_robot_that_could_evade_it():
     # It misses by 40 mm, and could be at the arm before that stands still for certain.
     guard = tall_cart_guard(top_speed=5.0)
     least, rows, blocked = past(guard, (1.18, 1.0), (0.0, -0.4), 4.0)
@@ -381,7 +381,7 @@ def test_what_passes_30_mm_off_is_no_threat_and_what_passes_nearer_is(share):
 
 
 @pytest.mark.parametrize("share", [0.985, 1.015])
-def test_who_is_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
+def test_a_robot_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
     guard = tall_cart_guard(evade_time=2.0)
     guard._escape.notes[0].evading = 1
     # The operator asks for next to nothing.
@@ -390,7 +390,7 @@ def test_who_is_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
 
 
 @pytest.mark.parametrize(("worth", "kept"), [(0.0505, False), (0.0535, True)])
-def test_who_has_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
+def test_a_robot_with_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
     worth, kept
 ):
     """A way counts as better from 8 mm on, and none beyond 60 mm."""
@@ -410,7 +410,7 @@ def test_who_has_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
 
 
 @pytest.mark.parametrize("phase", [RESTING, RUNNING, RECOVERING, STOPPING, BRAKING])
-def test_nobody_evades_while_he_is_stopped(phase):
+def test_no_robot_evades_while_it_is_stopped(phase):
     guard = tall_cart_guard(evade_time=2.0)
     guard._watch.phase[0] = phase
     command = comes_at(guard, 0.9, 0.3)
@@ -420,7 +420,7 @@ def test_nobody_evades_while_he_is_stopped(phase):
 
 
 @pytest.mark.parametrize(("top_speed", "beset"), [(0.45, False), (5.0, True)])
-def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
+def test_a_robot_stopped_for_something_else_is_not_held_for_what_passes(
     top_speed, beset
 ):
     """Only one of the carts could be at the arm before that rests."""

@@ -113,7 +113,7 @@ def test_a_pose_is_reached(guard, tool):
     assert np.linalg.norm(found[:3, :3] - goal[:3, :3]) < 3e-3
 
 
-def test_an_operator_who_asks_for_something_leads_and_then_the_field_again(guard):
+def test_an_operator_who_desires_motion_leads_and_then_the_field_again(guard):
     guard.reset()
     loop = bay_loop(guard)
     guard.field_goal("left", q=guard.home[LEFT] + GOALS[0])
@@ -126,7 +126,7 @@ def test_an_operator_who_asks_for_something_leads_and_then_the_field_again(guard
     assert np.abs(loop.q[LEFT] - guard.home[LEFT] - GOALS[0]).max() < 1e-3
 
 
-def test_where_positions_are_told_no_field_leads(guard):
+def test_where_positions_are_commanded_no_field_leads(guard):
     guard.reset()
     loop = bay_loop(guard)
     guard.field_goal("left", q=guard.home[LEFT] + GOALS[0])
@@ -197,7 +197,7 @@ def test_there_is_no_chatter_on_the_way_into_it(trap):
     assert max(turns) < 20
 
 
-def test_who_is_led_out_of_a_minimum_is_drawn_again(trap):
+def test_a_robot_led_out_of_a_minimum_is_drawn_again(trap):
     loop = into_the_box(trap)
     while loop.cycle(loop.still).blocked["left"] is not Blocked.LOCAL_MINIMUM:
         assert len(loop.commands) < 6000
@@ -361,7 +361,7 @@ def test_positive_systems_are_solved():
 
 
 @pytest.mark.parametrize("margin", [0.06, 0.5])
-def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(margin):
+def test_a_near_pair_pushes_a_robot_in_a_field_from_where_its_influence_begins(margin):
     guard = slides({}, {}, response="field", buffer=FLOOR, margin=margin)
     for left, right in (
         (Source.FIELD, Source.OPERATOR),

@@ -33,7 +33,7 @@ def test_the_page_of_the_filter_has_every_response():
     assert set(RESPONSES) <= set(rows)
 
 
-def test_in_clear_space_what_is_wanted_is_told_bit_for_bit():
+def test_in_clear_space_the_desired_motion_is_commanded_bit_for_bit():
     loop = Driven(ball_guard())
     desired = np.array([-0.123456789])
     loop.run(desired, 40)
@@ -41,7 +41,7 @@ def test_in_clear_space_what_is_wanted_is_told_bit_for_bit():
     assert loop.commands[-1].passed == {"arm": 1.0}
 
 
-def test_what_is_told_changes_no_faster_than_the_acceleration():
+def test_commands_change_no_faster_than_the_acceleration():
     loop = Driven(ball_guard())
     for desired in (2.0, -2.0, 0.3):
         loop.run([desired], 150)
@@ -53,7 +53,7 @@ def test_what_is_told_changes_no_faster_than_the_acceleration():
     ("response", "delay", "miss"),
     [("slow", 0, 0.0), ("slow", 3, 0.0), ("deflect", 0, 0.0), ("deflect", 2, 0.01)],
 )
-def test_a_wish_that_leads_into_the_ball_ends_at_the_floor_without_a_stop(
+def test_desired_motion_into_the_ball_ends_at_the_floor_without_a_stop(
     response, delay, miss
 ):
     loop = Driven(ball_guard(response), delay=delay, miss=miss)
@@ -83,7 +83,7 @@ def test_the_response_stop_goes_on_as_asked_and_then_stops():
     assert slowed.min() >= -4.0 * PERIOD * (1.0 + 1e-9)
 
 
-def test_deflect_slides_along_a_wall_where_slow_stands_still():
+def test_deflect_slides_along_a_wall_where_slow_comes_to_rest():
     # The arm is stretched out towards the wall, and is to sweep along it.
     start = [0.2, 0.2, 0.1]
     desired = np.array([0.5, 0.0, 0.0])
@@ -99,7 +99,7 @@ def test_deflect_slides_along_a_wall_where_slow_stands_still():
     assert ways["deflect"] > 3.0 * ways["slow"]
 
 
-def test_slow_keeps_the_direction_that_was_asked_for():
+def test_slow_keeps_the_desired_direction():
     loop = Driven(wall_guard("slow"), q=[0.2, 0.2, 0.1])
     desired = np.array([0.4, 0.2, 0.1])
     loop.run(desired, 1500)
@@ -115,7 +115,7 @@ def test_slow_keeps_the_direction_that_was_asked_for():
             assert cosine > 0.999
 
 
-def test_what_is_told_keeps_every_proof_so_that_the_next_cycle_never_stops():
+def test_commands_keep_every_proof_so_that_the_next_cycle_never_stops():
     rng = np.random.default_rng(4)
     loop = Driven(wall_guard(), q=[0.2, 0.2, 0.2])
     for _ in range(30):
@@ -152,7 +152,7 @@ def test_nor_does_one_pass_its_limit_because_another_one_is_faster(response, sha
     assert -2.0 <= loop.q[0] < -1.98
 
 
-def test_wishes_above_the_top_speed_are_scaled():
+def test_desired_motion_above_the_top_speed_is_scaled():
     loop = Driven(wall_guard(), q=[-1.0, 0.0, 0.0])
     loop.run([0.0, 8.0, 4.0], 400)
     fastest = max((c.velocity for c in loop.commands), key=lambda v: abs(v).max())
@@ -188,7 +188,7 @@ def tool_point(q):
         ({"arm/joint9": 1.0}, "arm/joint9"),
     ],
 )
-def test_a_wish_that_is_none_stops_the_arms_and_says_why(desired, words):
+def test_invalid_desired_motion_stops_the_arms_and_says_why(desired, words):
     loop = Driven(ball_guard())
     loop.run([0.5], 100)
     command = loop.cycle(desired)
@@ -218,7 +218,7 @@ def test_a_wrong_twist_is_refused_by_name():
     assert "'arm'" in command.verdict.why
 
 
-def test_an_arm_that_is_faster_than_it_was_told_is_stopped():
+def test_an_arm_that_is_faster_than_its_commands_is_stopped():
     loop = Driven(ball_guard())
     loop.run([-0.2], 60)
     loop.v = np.array([-0.5])

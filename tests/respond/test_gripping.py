@@ -211,7 +211,7 @@ def test_what_is_held_is_put_down_along_the_way_its_operator_leads_it(response):
     assert slowed[:, 0] == pytest.approx(-0.03 / 0.08 * slowed[:, 1], rel=1e-6)
 
 
-def test_drift_beside_what_is_no_contract_moves_nobody_who_asks_for_nothing():
+def test_drift_beside_what_is_no_contract_moves_no_arm_without_desired_motion():
     guard = guard_of(pick_scene())
     loop = Loop(guard, drift=DRIFT)
     loop.push({}, 1000)
@@ -241,7 +241,7 @@ def test_pushing_at_speed_is_no_intent():
         assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
 
 
-def test_beside_what_is_meant_is_no_intent():
+def test_beside_the_target_is_no_intent():
     # The way of the middle leads past the block; a finger would touch it.
     guard = guard_of(pick_scene(blocks={"block": (0.0, 0.07)}))
     loop = Loop(guard)
@@ -260,7 +260,7 @@ def placed(guard, **places):
     return loop
 
 
-def test_who_passes_by_slowly_does_not_mean_it_however_near_he_is():
+def test_passing_by_slowly_is_no_intent_however_near_the_fingers_are():
     # The middle is 8 mm beside the block, where standing still means it. Here it passes
     # along the block, whose edge is in the way of a finger.
     guard = guard_of(pick_scene())
@@ -285,7 +285,7 @@ def test_a_finger_that_runs_into_it_does_not_mean_it():
     assert {c.b for c in loop.guard.contracts} == {"block"}
 
 
-def test_what_is_not_meant_any_more_is_come_no_nearer_to():
+def test_fingers_come_no_nearer_to_a_former_target():
     # Fingers reach 5 mm below the top of the block and are 3 mm off it.
     guard = guard_of(pick_scene())
     loop = placed(guard, z=0.155, open_left=0.03, open_right=0.03)
@@ -315,7 +315,7 @@ def test_only_links_that_are_fingers_may_touch():
     assert loop.stops == []
 
 
-def test_without_filter_measured_speed_tells_what_is_meant():
+def test_without_filter_measured_speed_gives_the_target():
     for speed, intended in ((0.05, True), (0.3, False)):
         guard = guard_of(pick_scene())
         q, seen = guard.home, False
@@ -380,7 +380,7 @@ def desired_grip(loop, xy):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
+def test_whatever_is_desired_only_the_target_is_touched_and_no_deeper(seed):
     # Three blocks side by side, 20 mm apart, an operator who changes his mind, and an
     # arm that is late and misses what it is told.
     rng = np.random.default_rng(seed)
@@ -422,7 +422,7 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_whatever_is_wished_what_is_held_touches_only_what_it_may_rest_on(seed):
+def test_whatever_is_desired_a_held_object_touches_only_its_supports(seed):
     rng = np.random.default_rng(100 + seed)
     blocks = {"block": (0.0, 0.0), "one": (0.12, 0.0), "two": (0.0, 0.16)}
     scene = pick_scene(blocks=blocks)
@@ -488,7 +488,7 @@ def test_intent_changes_to_another_object_only_when_the_first_is_clear():
     assert loop.stops == []
 
 
-def test_what_stands_3_mm_beside_something_is_lifted_without_coming_nearer():
+def test_an_object_3_mm_beside_another_is_lifted_without_coming_nearer():
     apart = 2.0 * BLOCK[0] + 0.003
     guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
     loop = Loop(guard)
@@ -668,7 +668,7 @@ def test_grasping_twice_or_releasing_what_is_not_held_is_refused():
     assert loop.push(np.zeros(5), 10).action is Action.FOLLOW
 
 
-def test_the_same_wishes_give_the_same_bits():
+def test_the_same_desired_motion_gives_the_same_bits():
     runs = []
     for _ in range(2):
         loop = Loop(guard_of(pick_scene()))

@@ -29,7 +29,7 @@ def follow(guard, desired, cycles, hangs=lambda k, stuck: None, begin=0.0):
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3])
-def test_an_arm_that_is_told_to_move_and_measures_the_same_is_stopped(speed):
+def test_an_arm_that_is_commanded_to_move_and_measures_the_same_is_stopped(speed):
     guard = ball_guard()
     desired = np.full(len(guard.q_names), -speed)
     commands = follow(guard, desired, 200, lambda k, q: guard.home)

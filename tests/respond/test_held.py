@@ -103,7 +103,7 @@ def test_an_ordered_stop_keeps_its_reason(reason):
 
 
 @pytest.mark.parametrize("reason", UNTIL_ENGAGED)
-def test_only_who_engages_it_ends_a_stop_that_was_ordered(reason):
+def test_only_an_engagement_ends_a_stop_that_was_ordered(reason):
     loop = Stopped(ball_guard())
     loop.run([0.5], 150)
     loop.stop(400, reason=reason)
@@ -125,7 +125,7 @@ def test_only_who_engages_it_ends_a_stop_that_was_ordered(reason):
     assert loop.q[0] < rests[0] - 0.05
 
 
-def test_who_orders_a_stop_of_a_robot_that_was_stopped_already_holds_it():
+def test_an_ordered_stop_holds_a_robot_that_was_stopped_already():
     loop = held_loop()
     loop.stop(3)
     # Cycles without a time of their own may be a sensing delay later than their stamps:

@@ -157,7 +157,7 @@ def test_ways_are_sought_from_twice_the_evade_time_on(share):
     assert sought == (share < 1.0)
 
 
-def test_a_robot_that_asks_for_motion_past_a_body_does_not_lead_away():
+def test_desired_motion_past_a_body_does_not_lead_away():
     # Its tip is on a line with the ball, and the second joint moves it across that.
     guard = chain_guard(("slide", "turn"), (1.3, 0.0), {**EXACT, "acceleration": 5.0})
     q, cycle = np.zeros(2), iter(range(10_000))

@@ -248,7 +248,7 @@ def test_a_velocity_costs_a_pair_its_delay_and_its_stop():
     assert opening > 5
 
 
-def test_until_it_matters_a_pair_loses_what_was_told_and_what_drives_miss():
+def test_until_it_matters_a_pair_loses_the_commands_and_what_drives_miss():
     rng = np.random.default_rng(2)
     closed = 0
     for _ in range(30):
@@ -260,7 +260,7 @@ def test_until_it_matters_a_pair_loses_what_was_told_and_what_drives_miss():
     assert closed > 5
 
 
-def test_a_joint_beyond_its_limit_is_told_what_brings_it_back():
+def test_a_joint_beyond_its_limit_may_only_come_back():
     rng = np.random.default_rng(3)
     for _ in range(60):
         a, m = answers(rng), motion(rng)
@@ -318,7 +318,7 @@ def test_a_joint_that_opens_a_pair_is_given_no_credit_for_going_on():
         assert a.limits[0] == pytest.approx(known)
 
 
-def test_a_robot_that_is_yielded_to_has_all_and_the_other_what_nobody_needs():
+def test_a_robot_that_is_yielded_to_has_all_and_the_other_what_is_left():
     settings = records(2, places.Behaviour)
     settings.sharing = places.BY_PRIORITY
     for its, above, known in ((0.3, 1.0, 1.0), (0.3, -1.0, 0.0), (0.0, -1.0, 1.0)):
@@ -597,7 +597,7 @@ def test_each_joint_has_a_way_of_its_own_in_both_directions():
 
 @pytest.mark.parametrize("ordered", [False, True])
 @pytest.mark.parametrize("phase", [RESTING, RUNNING, STOPPING])
-def test_a_robot_that_rests_or_runs_waits_for_the_reason_that_it_stands_still(
+def test_a_robot_that_rests_or_runs_waits_for_the_reason_of_its_standstill(
     phase, ordered
 ):
     why = int(Reason.STOP_ORDERED) if ordered else 777

@@ -44,7 +44,7 @@ def test_the_tests_know_what_is_declared():
 
 
 @pytest.mark.parametrize("desired", [-1e-5, -0.01, -0.1, -1.5])
-def test_however_little_is_asked_for_it_surely_leads_away(desired):
+def test_however_little_is_desired_it_surely_leads_away(desired):
     loop = pressed()
     begin = len(loop.commands)
     loop.run([desired], 5)
@@ -71,7 +71,7 @@ def test_an_arm_that_drifts_as_far_as_it_may_never_comes_nearer():
     assert loop.q[0] < begin - 0.02
 
 
-def test_who_lets_go_on_the_way_out_is_stopped_and_held():
+def test_an_arm_whose_operator_lets_go_on_the_way_out_is_stopped_and_held():
     loop = pressed()
     loop.run([-0.1], 20)
     assert loop.commands[-1].blocked == {"arm": Blocked.TOO_NEAR}
@@ -85,7 +85,7 @@ def test_who_lets_go_on_the_way_out_is_stopped_and_held():
     assert (loop.q == rest).all()
 
 
-def test_asking_for_a_little_of_the_wrong_way_is_not_asking():
+def test_a_little_desired_motion_of_the_wrong_way_does_not_count():
     loop = pressed()
     command = loop.run([1e-5], 20)
     assert command.velocity[0] == 0.0

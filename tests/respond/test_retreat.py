@@ -90,7 +90,7 @@ def place_on_the_way(guard, loop, share):
     return tip
 
 
-def test_where_something_stands_in_the_way_back_it_waits_and_says_so(any_guard):
+def test_where_something_is_in_the_way_back_it_waits_and_says_so(any_guard):
     guard = any_guard
     loop = led_in(guard)
     try:
@@ -115,7 +115,7 @@ def test_where_something_stands_in_the_way_back_it_waits_and_says_so(any_guard):
     assert (np.abs(loop.q - guard.home)[LEFT] / TOP).max() < TRAIL_STEP
 
 
-def test_a_retreat_that_is_asked_for_during_a_stop_begins_when_it_rests(guard):
+def test_a_retreat_that_is_requested_during_a_stop_begins_when_it_rests(guard):
     guard.reset()
     loop = bay_loop(guard)
     loop.run(wander, 1500)
@@ -139,7 +139,7 @@ def test_an_operator_who_never_let_go_neither_ends_it_nor_has_the_arm_then(guard
     assert loop.run(desired, 300).velocity == pytest.approx(desired)
 
 
-def test_who_let_go_and_asks_for_something_has_it_at_once(guard):
+def test_an_operator_who_let_go_and_desires_motion_has_it_at_once(guard):
     loop = led_in(guard)
     guard.retreat("left")
     loop.run(loop.still, 500)
@@ -169,7 +169,7 @@ def test_another_stop_ends_it(guard):
     assert (command.velocity == 0.0).all()
 
 
-def test_who_tells_positions_meets_his_master_again_afterwards(guard):
+def test_a_robot_with_desired_positions_meets_its_leader_arm_again_afterwards(guard):
     guard.reset()
     loop = bay_loop(guard)
     leader = guard.home.copy()
@@ -278,7 +278,7 @@ def test_before_the_first_cycle_there_is_no_way_back(guard):
         guard.retreat("left", to=guard.home[LEFT])
 
 
-def test_between_two_things_too_near_it_waits_for_one_of_them_to_go():
+def test_between_two_bodies_too_near_it_waits_for_one_of_them_to_go():
     scene = ball_scene()
     for name in ("one", "other"):
         scene.add(Sphere(radius=0.1), name=name, present=False)

@@ -11,7 +11,7 @@ def gap(loop):
     return loop.commands[-1].verdict.nearest.distance
 
 
-def test_a_parked_arm_is_not_pushed_and_slows_nobody_before_its_own_stop():
+def test_a_parked_arm_is_not_pushed_and_slows_no_arm_before_its_own_stop():
     loop = Driven(two_arms(parked=0.9))
     parked = loop.q[1]
     while loop.cycle([-0.5, 0.0]).velocity[0] > -0.5:

@@ -44,7 +44,7 @@ def test_the_tools_of_both_arms_move_as_asked(guard):
     assert twist_of(guard, q, v, "right") == pytest.approx(-TWIST, abs=2e-3)
 
 
-def test_who_is_not_named_is_asked_for_nothing(guard):
+def test_no_motion_is_desired_of_a_robot_that_is_not_named(guard):
     v = requested_by(guard, guard.home, {"left": TWIST})
     assert np.abs(v[LEFT]).max() > 0.0
     assert np.all(v[RIGHT] == 0.0)

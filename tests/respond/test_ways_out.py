@@ -57,14 +57,14 @@ def test_the_cue_leads_out_where_that_is_hard(hard):
     assert found.out_by_cue == 1
 
 
-def test_no_joint_moves_of_who_asks_for_nothing_however_it_is_held():
+def test_no_joint_moves_without_desired_motion_however_it_is_held():
     guard = Guard(bay_scene("path"), self_test=False)
     for q in map(np.array, HARD.values()):
         velocity, _ = commanded(guard, q, np.zeros_like(q))
         assert not velocity.any()
 
 
-def test_asking_for_the_wrong_way_does_not_lead_nearer():
+def test_desired_motion_of_the_wrong_way_does_not_lead_nearer():
     guard = Guard(bay_scene("path"), self_test=False)
     top = np.concatenate([p.stopping.velocity for p in guard.tables.robots])
     for q in map(np.array, HARD.values()):

@@ -85,14 +85,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_figure_that_cannot_be_true_is_told_in_words(case):
+def test_a_figure_that_cannot_be_true_is_named_in_words(case):
     declared, says = WRONG[case]
     with pytest.raises(FiguresError) as caught:
         declared_figures(ARM, declared)
     assert says in str(caught.value)
 
 
-def test_who_declares_nothing_else_is_told_what_is_assumed():
+def test_assumptions_are_reported_where_nothing_else_is_declared():
     figures = declared_figures(ARM, LEAST)
     assert figures.joints == ARM.q_names
     assert "deceleration" not in figures.sources
@@ -102,7 +102,7 @@ def test_who_declares_nothing_else_is_told_what_is_assumed():
     assert figures.acceleration.tolist() == [8.0] * 3
 
 
-def test_figures_with_a_table_of_nobody_cannot_be_made():
+def test_figures_with_a_table_of_no_joint_cannot_be_made():
     figures = stopping_figures(ARM, **LEAST)
     values = {key: getattr(figures, key) for key in StoppingFigures.__slots__}
     table = StopTable((1.0,), (0.3,), (0.2,))
@@ -272,7 +272,7 @@ WRONG_FILES = {
 
 
 @pytest.mark.parametrize("case", WRONG_FILES)
-def test_a_wrong_file_is_told_with_its_line(case, tmp_path):
+def test_a_wrong_file_is_named_with_its_line(case, tmp_path):
     text, says = WRONG_FILES[case]
     with pytest.raises(FiguresError) as caught:
         read(tmp_path, text)
@@ -403,7 +403,7 @@ def test_a_table_takes_the_place_of_the_formula():
     assert stop_travel(figures, 1, 0.5, 0.008).settle > 0.0
 
 
-def test_what_cannot_be_judged_is_told():
+def test_what_cannot_be_judged_is_reported():
     figures = declared_figures(ARM, FULL)
     assert np.isnan(stop_travel(figures, 0, nan, 0.008).travel)
     for period, late in ((-0.001, 0.0), (nan, 0.0), (0.001, -0.001)):

@@ -168,7 +168,7 @@ def test_two_hundred_thousand_triangles_stay_one_array(tmp_path):
     assert tables.labels[-1] == f"much[{count - 1}]"
 
 
-def test_progress_is_told_for_large_files(tmp_path, monkeypatch):
+def test_progress_is_reported_for_large_files(tmp_path, monkeypatch):
     monkeypatch.setattr("armguard.scene.meshes.source.BLOCK", 100)
     path = write_stl(tmp_path / "long.stl", np.ones((250, 3, 3)))
     reported = []
@@ -273,7 +273,7 @@ BAD = {
 
 @pytest.mark.parametrize("form", ["triangles", "hull", "pieces"])
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_mesh_is_told(tmp_path, case, form):
+def test_a_bad_mesh_is_reported(tmp_path, case, form):
     make, says = BAD[case]
     with pytest.raises(MeshError) as caught:
         Scene().add_mesh(make(tmp_path), name="thing", form=form)
@@ -294,7 +294,7 @@ def test_a_bad_mesh_is_told(tmp_path, case, form):
         ),
     ],
 )
-def test_bad_settings_are_told(settings, says):
+def test_bad_settings_are_reported(settings, says):
     with pytest.raises(MeshError) as caught:
         Scene().add_mesh((VERTICES, FACES), name="thing", **settings)
     assert says in str(caught.value)

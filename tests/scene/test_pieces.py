@@ -178,7 +178,7 @@ def flat_soup():
         (angle(), {"max_pieces": 0}, "max_pieces is 0; it must be at least 1"),
     ],
 )
-def test_what_cannot_be_cut_is_told(mesh, settings, says):
+def test_what_cannot_be_cut_is_reported(mesh, settings, says):
     with pytest.raises(MeshError) as caught:
         convex_pieces(mesh, **settings)
     assert says in str(caught.value)

@@ -173,7 +173,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_entry_is_told_with_line_and_key(tmp_path, case):
+def test_a_wrong_entry_is_named_with_line_and_key(tmp_path, case):
     entry, says = WRONG[case]
     with pytest.raises(SceneFileError) as caught:
         load_scene(write(tmp_path, f"{ARM}objects:\n  b: {{{entry}}}\n"))
@@ -301,7 +301,7 @@ def test_moveit_meshes_are_their_triangles(tmp_path):
         ),
     ],
 )
-def test_what_moveit_cannot_mean_is_told(tmp_path, inner, says):
+def test_what_moveit_cannot_mean_is_reported(tmp_path, inner, says):
     with pytest.raises(SceneError) as caught:
         moveit(tmp_path, inner)
     assert "s.yaml:4: world.collision_objects[0]: " in str(caught.value)

@@ -288,7 +288,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_told_with_line_and_key(case, tmp_path):
+def test_what_is_wrong_is_named_with_line_and_key(case, tmp_path):
     rest, says = WRONG[case]
     with pytest.raises(SceneFileError) as caught:
         load_scene(write(tmp_path, rest + "\n"))

@@ -134,7 +134,7 @@ def test_a_state_that_is_none_changes_nothing(bench):
 READ = ("q", "velocity", "stamps", "measured", "sender", "sequence", "heard", "desired")
 
 
-def test_wishes_are_taken_over_or_dropped_by_name(bench):
+def test_desired_motion_is_taken_over_or_dropped_by_name(bench):
     desk = bench.desk
     values = np.random.default_rng(1).normal(size=N)
 
@@ -308,7 +308,7 @@ def packed(command, guard, k, start, form):
     return head + command.velocity.tobytes() + command.position.tobytes()
 
 
-def test_what_is_found_out_late_is_told_again(bench):
+def test_what_is_found_out_late_is_reported_again(bench):
     judge, cycle = bench.judge, bench.judge.cycle
     q = judge.guard.guard.home
     for k in range(2):

@@ -99,7 +99,7 @@ def test_a_stop_of_a_person_stays_until_a_person_lifts_it(stage):
     watched.until(moves)
 
 
-def test_what_the_guard_stopped_goes_on_without_anybody(stage):
+def test_what_the_guard_stopped_goes_on_without_a_person(stage):
     watched = Watched(stage)
     watched.until(moves)
     stage.crew["arms"].send_signal(signal.SIGSTOP)

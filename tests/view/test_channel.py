@@ -93,7 +93,7 @@ async def states_of(page, seconds):
         return found
 
 
-def test_every_change_of_a_level_is_told_with_its_sentence(loop):
+def test_every_change_of_a_level_is_sent_with_its_sentence(loop):
     async def listen():
         messages, changes, before = [], [], None
         async with listening(loop) as page:
@@ -230,14 +230,14 @@ def test_only_its_own_files_are_given_and_only_to_browsers_that_were_let_in(loop
     ],
 )
 @pytest.mark.parametrize("known", [True, False])
-def test_what_another_page_asks_for_is_not_answered(loop, headers, known):
+def test_what_another_page_requests_is_not_answered(loop, headers, known):
     cookie = {"Cookie": loop.browser["Cookie"]} if known else {}
     with pytest.raises(OSError) as refused:
         ask(loop, "", **cookie, **{"Sec-Fetch-Site": "same-site"}, **headers)
     assert not isinstance(refused.value, urllib.error.HTTPError)
 
 
-def test_a_link_lets_one_browser_in_and_the_next_one_is_told(loop):
+def test_a_link_lets_one_browser_in_and_the_next_one_reads_why_not(loop):
     login = loop.view.login
     links = []
     login.used = links.append

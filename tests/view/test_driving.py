@@ -77,7 +77,7 @@ def test_a_gamepad_leads_only_while_its_bumper_is_held():
         {"type": "pad", "axes": [1.0], "buttons": []},
     ],
 )
-def test_nonsense_asks_for_nothing(said):
+def test_nonsense_requests_no_motion(said):
     hand = Hand()
     hand.jog.receive(said)
     assert not hand.jog.direction.any()

@@ -118,7 +118,7 @@ def scraped(station):
     }
 
 
-def test_every_counter_is_told(station, scraped):
+def test_every_counter_is_exported(station, scraped):
     values = CountersReader(counters_path(station.ring)).values()
     for name in COUNTERS:
         if name.startswith("dropped_"):
@@ -136,7 +136,7 @@ def test_every_counter_is_told(station, scraped):
     assert values["cycles"] >= 100
 
 
-def test_stops_are_told_by_name(station, scraped):
+def test_stops_are_counted_by_name(station, scraped):
     stops = CountersReader(counters_path(station.ring)).stops()
     assert stops
     for number, count in stops.items():
@@ -166,7 +166,7 @@ def test_times_are_a_histogram_with_all_of_them(station, scraped):
         assert buckets[min(e for e in buckets if e >= median)] >= 0.5 * found.count
 
 
-def test_the_newest_cycle_is_told(station, scraped):
+def test_the_newest_cycle_is_exported(station, scraped):
     frame = None
     for row in RingReader(station.ring).unread():
         found = frame_of(row)
@@ -203,7 +203,7 @@ def test_silence_of_the_loop_is_seen(station, scraped):
     assert float(line.split()[1]) >= before + 0.1
 
 
-def test_the_process_is_told(station, scraped):
+def test_the_process_is_exported(station, scraped):
     assert scraped[("armguard_process_resident_memory_bytes",)] > 1e7
     assert scraped[("armguard_process_open_fds",)] > 0
 
@@ -281,7 +281,7 @@ def test_the_page_is_on_loopback_only(station):
         ("", 421),
     ],
 )
-def test_a_page_that_calls_itself_this_machine_is_told_nothing(station, host, code):
+def test_a_page_that_calls_itself_this_machine_gets_no_answer(station, host, code):
     port = int(station.page.rpartition(":")[2].split("/")[0])
     ask = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     ask.putrequest("GET", "/metrics", skip_host=True)
@@ -294,7 +294,7 @@ def test_a_page_that_calls_itself_this_machine_is_told_nothing(station, host, co
     ask.close()
 
 
-def test_the_age_of_the_recording_is_told_where_there_is_one(station):
+def test_the_age_of_the_recording_is_exported_where_there_is_one(station):
     def ages():
         with urllib.request.urlopen(station.page, timeout=PATIENCE) as answer:
             lines = answer.read().decode().splitlines()

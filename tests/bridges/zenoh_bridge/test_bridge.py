@@ -243,7 +243,7 @@ def setup(tmp_path_factory):
     found.close()
 
 
-def test_states_and_wishes_become_commands(setup):
+def test_states_and_desired_motion_become_commands(setup):
     """Names say which joint is meant: the states come in the opposite order."""
     command = setup.lead(
         lambda m: m["began_by"] and m["cause"] == "NONE" and min(m["velocities"]) > 0.0
@@ -261,7 +261,7 @@ def test_states_and_wishes_become_commands(setup):
     assert all(0.0 <= step < 0.05 * 3.0 * TRIES for step in steps)
 
 
-def test_positions_and_twists_are_wishes_too(setup):
+def test_positions_and_twists_are_desired_motion_too(setup):
     names = setup.arms.names
     ahead = (setup.arms.positions + 0.05).tolist()
     for desired in (
@@ -461,7 +461,7 @@ def test_calls_reach_the_service(setup):
     assert setup.commander.call("engage", arguments={"name": "left"}) is None
 
 
-def test_everybody_may_order_a_stop(setup):
+def test_every_client_may_order_a_stop(setup):
     stopped = setup.commander.await_one(
         "command",
         lambda m: m["cause"] == "STOP_ORDERED",
@@ -471,7 +471,7 @@ def test_everybody_may_order_a_stop(setup):
     setup.lead(lambda m: m["cause"] == "NONE" and not m["stop"])
 
 
-def test_nobody_outside_this_machine_can_reach_it(setup):
+def test_no_client_outside_this_machine_can_reach_it(setup):
     found = psutil.Process(setup.bridge.pid).net_connections()
     assert any(one.laddr.port == setup.tcp for one in found)
     assert {one.laddr.ip for one in found} <= {"127.0.0.1", "0.0.0.0"}
@@ -536,7 +536,7 @@ def test_a_client_with_other_keys_is_not_answered(setup):
     assert "seal does not fit" in said
 
 
-def test_a_service_that_is_killed_is_told_as_a_stop_and_may_come_back(setup):
+def test_a_service_that_is_killed_is_reported_as_a_stop_and_may_come_back(setup):
     """The last test but one: it ends the service."""
     companion, _ = started(
         *("armguard.bridges.zenoh_bridge", "--port", str(setup.port), "--companion"),

@@ -125,7 +125,9 @@ def test_what_is_no_vector_of_the_joints_is_refused_and_not_sent(
         (["a", "b", "c"], "the desired motion is .*; it must be real numbers"),
     ],
 )
-def test_a_wish_that_is_no_vector_of_the_joints_is_refused(client, desired, sentence):
+def test_desired_motion_that_is_no_vector_of_the_joints_is_refused(
+    client, desired, sentence
+):
     for send in (client.send_velocities, client.send_positions):
         with pytest.raises(RefusedError, match=sentence):
             send(desired)
@@ -167,7 +169,7 @@ def test_an_answer_that_is_too_old_when_it_is_read_is_a_stop(far, client):
     assert (answer.velocity == 0.0).all() and (answer.position == Q).all()
 
 
-def test_where_arms_are_is_not_known_before_anybody_told(far, observer):
+def test_positions_of_arms_are_unknown_before_a_client_sends_them(far, observer):
     assert np.isnan(observer.latest.position).all()
     far.behind = 60_000_000_000
     far.send(far.command(1))
@@ -188,7 +190,7 @@ def test_the_last_word_of_a_service_is_a_stop(far, client):
     assert client.latest.cause is Cause.NOT_CONNECTED
 
 
-def test_robots_may_be_told_of_one_by_one(far, client):
+def test_states_of_robots_may_be_sent_one_by_one(far, client):
     heard: list[bytes] = []
     with far.hearing(Kind.STATE, heard.append):
         number = client.send_state(Q[2:], robots="right", stamp=1.0)

@@ -10,7 +10,7 @@ from armguard.service.wire import Kind
 PATIENCE = 20.0
 
 
-def test_select_waits_for_a_client_together_with_other_things(far, client):
+def test_select_waits_for_a_client_together_with_other_files(far, client):
     read, write = os.pipe()
     try:
         assert client.receive() is None

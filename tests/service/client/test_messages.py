@@ -114,7 +114,7 @@ def test_an_answer_says_what_its_message_did_whatever_comes_after_it(far, client
         answer.velocity = np.zeros(3)
 
 
-def test_an_answer_of_which_nothing_is_near_names_nobody(far, client):
+def test_an_answer_without_a_near_pair_names_no_body(far, client):
     far.send(far.command(1, a=0xFFFFFFFF, b=0xFFFFFFFF))
     assert client.receive(PATIENCE).nearest is None
 

@@ -84,7 +84,7 @@ def test_it_drives_the_arms(serving, tmp_path):
         assert served.counters.value("received") == 250 + 4
 
 
-def test_it_says_so_when_nobody_is_there(tmp_path):
+def test_it_says_so_when_no_service_is_there(tmp_path):
     program = compiled(EXAMPLES / "client.c", tmp_path / "client")
     done = subprocess.run(
         [str(program), "1"], capture_output=True, text=True, timeout=60, check=False

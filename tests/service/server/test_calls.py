@@ -40,7 +40,7 @@ def all_objects(client):
     return found
 
 
-def test_who_comes_late_is_told_where_things_were_put(served):
+def test_a_client_that_comes_late_gets_the_poses_of_all_objects(served):
     size = {"kind": "box", "size": [0.2, 0.4, 0.6]}
     with served.client(role=Role.SENSE) as sensor, served.client() as late:
         before = all_objects(late)
@@ -117,7 +117,7 @@ def test_a_call_that_is_repeated_is_done_once(served):
         client.call("engage")
 
 
-def test_a_stop_holds_until_somebody_engages(served):
+def test_a_stop_holds_until_a_client_engages(served):
     with served.client() as client:
         arms = Arms(client)
         arms.drive(STILL, 5)

@@ -57,7 +57,7 @@ def test_others_are_not(beside, now):
     assert beside.restart() == 0
 
 
-def test_a_recorder_is_told_who_started_it():
+def test_a_recorder_knows_the_process_that_started_it():
     assert companions.MODULES["record"][-2:] == ("--parent", "{pid}")
 
 

@@ -110,7 +110,7 @@ def test_a_client_that_pauses_believes_nothing_old(served):
         assert not client.commands
 
 
-def test_a_port_that_is_taken_is_told_in_words(served, patient_bay):
+def test_a_port_that_is_taken_is_named_in_words(served, patient_bay):
     done = subprocess.run(
         [
             sys.executable,
@@ -131,7 +131,7 @@ def test_a_port_that_is_taken_is_told_in_words(served, patient_bay):
     assert "Traceback" not in done.stderr
 
 
-def test_who_listens_wider_needs_a_key():
+def test_a_service_that_listens_wider_needs_a_key():
     with pytest.raises(ServiceError, match="needs keys they can be given"):
         ServiceSettings(bind="0.0.0.0")
     assert ServiceSettings(bind="0.0.0.0", keys=new_keys()).bind == "0.0.0.0"

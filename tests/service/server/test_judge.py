@@ -45,7 +45,7 @@ def test_what_was_carried_stays_where_it_was_put_when_settings_change(tmp_path):
     ring.close()
 
 
-def test_objects_are_told_of_a_few_at_a_time(tmp_path):
+def test_objects_are_listed_a_few_at_a_time(tmp_path):
     scene = pick_scene()
     names = [f"box{k}" for k in range(OBJECTS + 3)]
     for name in names:

@@ -13,7 +13,7 @@ from armguard.service.wire import Cause
 from service_arms import PERIOD, Arms, until, wait_for
 
 
-def test_the_first_command_is_what_was_wished_for(served):
+def test_the_first_command_is_the_desired_motion(served):
     with served.client() as client:
         arms = Arms(client)
         desired = np.linspace(-0.03, 0.03, len(arms.q))
@@ -107,7 +107,7 @@ def test_each_robot_may_have_a_controller_of_its_own(serving):
         assert served.counters.value("dropped_second_controller") == before + 1
 
 
-def test_a_silent_commander_wishes_for_nothing(served):
+def test_a_silent_commander_desires_no_motion(served):
     with served.client() as controller, served.client() as commander:
         arms = Arms(controller)
         commander.claim()
@@ -148,7 +148,7 @@ def test_a_silent_controller_is_a_stop_with_its_reason(served):
 
 
 @pytest.mark.parametrize("order", ["stop", "call"])
-def test_everybody_may_order_a_stop_and_only_the_commander_ends_it(served, order):
+def test_every_client_may_order_a_stop_and_only_the_commander_ends_it(served, order):
     with served.client() as client, served.client(name="somebody") as observer:
         arms = Arms(client)
         desired = np.full(14, 0.02)
@@ -167,7 +167,7 @@ def test_everybody_may_order_a_stop_and_only_the_commander_ends_it(served, order
         arms.drive(0 * desired, 10)
 
 
-def test_cycle_answers_with_a_stop_when_nobody_is_there():
+def test_cycle_answers_with_a_stop_when_no_service_is_there():
     client = Client(port=1)
     answer = client.latest
     assert answer.cause is Cause.NOT_CONNECTED

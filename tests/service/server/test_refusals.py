@@ -111,7 +111,7 @@ def test_a_message_from_another_address_is_dropped(served):
         wait_for(lambda: counters.value("dropped_address") == before + 1)
 
 
-def test_a_wish_of_nan_ends_the_wish_before_it(served):
+def test_desired_motion_of_nan_ends_the_motion_desired_before_it(served):
     with served.client() as client:
         arms = Arms(client)
         client.claim()
