@@ -1,4 +1,4 @@
-"""A gantry with a gripper of two fingers, things to grip, and a loop around them."""
+"""A gantry with a gripper of two fingers, objects to grip, and a loop around them."""
 
 from collections import deque
 
@@ -115,7 +115,7 @@ class Loop:
         return False
 
     def push(self, desired, cycles):
-        """Ask for the same velocities by joint name; the last command."""
+        """Desire the same velocities by joint name; the last command."""
         for _ in range(cycles):
             command = self.cycle(desired)
         return command

@@ -25,7 +25,7 @@ class Round:
     Attributes:
         levels: Cycles at each level.
         stops: How often an arm was stopped.
-        deflected: Cycles in which the arms were told something else than was asked.
+        deflected: Cycles in which the command differed from the desired motion.
         least: Least distance of a checked pair, as MuJoCo measures it [m].
         moving: Share of the time each arm moved.
         stuck: Longest time each arm stood though its operator led it [s].
@@ -100,7 +100,7 @@ def summary(found, seconds):
         for level, n in sorted(found.levels.items())
     )
     return (
-        f"{seconds:.0f} s: {levels}; {found.stops} stops; told less than asked "
+        f"{seconds:.0f} s: {levels}; {found.stops} stops; less than desired "
         f"{100.0 * found.deflected / total:.1f} %; moving "
         f"{np.round(100.0 * found.moving, 1)} %; longest stuck "
         f"{np.round(found.stuck, 2)} s; least {found.least * 1e3:.1f} mm"

@@ -1,4 +1,4 @@
-"""Arms that do at once what a service tells them, at its rate."""
+"""Arms that obey the commands of a service at once, at its rate."""
 
 import time
 from collections.abc import Callable
@@ -55,7 +55,7 @@ class Arms:
         return until(lambda: self.drive(desired, 1), done)
 
     def lead(self, desired: np.ndarray) -> Answer:
-        """Drive until the wish is followed to the bit.
+        """Drive until the desired motion is followed to the bit.
 
         A machine that was busy elsewhere for too long has stopped the arms; then they
         are let go of first, as an operator would.
@@ -87,7 +87,7 @@ class Arms:
     def _begin(self) -> None:
         """Reset the guard and engage the arms."""
         client = self.client
-        # Whoever was here before has left his arms somewhere else.
+        # The client before this one has left its arms somewhere else.
         with Client(client.port, role=Role.ADMINISTER, every=0) as administrator:
             administrator.connect(PATIENCE)
             administrator.claim(force=True)

@@ -26,7 +26,7 @@ BANNED = {
     "'what is ...' in place of a noun": r"\bwhat (?:is|was|are|were)\b",
     "tell, told: command, report": r"\b(?:tells?|told|telling)\b",
     "somebody, nobody: the role": r"\b(?:any|every|no|some)body(?:'s)?\b",
-    # "An operator who ..." says something of a person; "who moves" names a role.
+    # "An operator who ..." describes a person; a clause "who moves" names a role.
     "who: the role": r"\bwho(?:ever|m)\b|(?<![a-z,] )(?<![a-z,]\n)\bwho\b",
     "of its own: separate": r"\bof (?:her|his|its|my|our|their|your) own\b",
     "bears: has": r"\b(?:bears?|bore|bearing)\b",

@@ -1,4 +1,4 @@
-"""The judge sees contacts, and knows whose doing they are."""
+"""The judge sees contacts, and knows which arm is at fault."""
 
 from dataclasses import replace
 

@@ -38,7 +38,7 @@ GRAIN = 3e-4
 PERIOD = 1e-4
 
 # Figures of the slide, and what else differs: its speed [m/s], the age of its
-# measurement [s], settings of the scene. Without `now` the age is not told.
+# measurement [s], settings of the scene. Without `now` the age is unknown.
 CASES = {
     "floor": ({}, {"buffer": 0.05}),
     "age": ({}, {"speed": 1.0, "age": 0.1}),
@@ -122,7 +122,7 @@ def test_a_pair_needs_the_worst_case_of_each_figure_and_no_more(case, which):
     above = judged(guard, which_slide, need + GRAIN, speed, age, has_time)
     assert above.nearest.headroom == pytest.approx(GRAIN, abs=GRAIN / 3.0)
     assert above.level < Level.STOP
-    # However little of what is near is to be told, what has to stop is.
+    # However few near pairs are to be reported, those that have to stop are.
     margin = options.get("buffer", 0.0)
     guard, which_slide = opposite(which, figures, margin=margin, **options)
     below = judged(guard, which_slide, need - GRAIN, speed, age, has_time)

@@ -24,7 +24,7 @@ from sliding import (
 
 PERIOD = 1e-3
 
-# How far inside and outside a bound things are put [-].
+# How far inside and outside a bound a slide is put [-].
 SHARE = 0.01
 
 
@@ -45,7 +45,7 @@ class Stopped:
     Args:
         figures: What differs from `EXACT`.
         speed: Its speed [m/s].
-        told: Whether the time of a cycle is told.
+        has_time: Whether the guard is given the time of a cycle.
     """
 
     def __init__(self, figures, speed, has_time=True):
@@ -96,7 +96,7 @@ STOPS = {
 @pytest.mark.parametrize("case", STOPS)
 def test_a_stop_as_declared_is_believed_and_one_a_little_worse_is_not(case):
     figures, which, factor = STOPS[case]
-    # Only its speed tells, not where it gets to.
+    # Only its speed shows it, not where it gets to.
     figures = {**figures, "position_error": 0.02}
     has_time = which != "sensing"
     for share in (1.0, factor):
@@ -143,7 +143,7 @@ def test_a_measured_stop_is_believed_until_its_time_whatever_it_does_till_then(s
 
 @pytest.mark.parametrize("leap", [0.0, 0.1])
 def test_stamps_that_leap_alone_do_not_make_a_liar_of_a_stop(leap):
-    """Nobody tells whether the time passed: if it did the slide should rest by now."""
+    """Without a time, the time may have passed: then the slide should rest by now."""
     figures = {"sensing": 0.01, "position_error": 0.05}
     stopped = Stopped(figures, 0.5, has_time=False)
     times, speeds, ways = motion_of(figures, 0.5, 0.0, stopped.effect)
@@ -169,7 +169,7 @@ def test_a_brake_as_declared_is_believed_and_one_a_little_worse_is_not(which):
         assert (Level.HARDWARE_STOP in levels) == (share != 1.0)
 
 
-# Slides that may swing as fast as they move: only where they are tells of their stops.
+# Slides that may swing as fast as they move: only their positions show their stops.
 SWINGS = [
     {},
     {"position_error": 0.01},

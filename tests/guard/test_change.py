@@ -1,4 +1,4 @@
-"""Proofs that outlive a change of what is told say no more than proofs made anew."""
+"""Proofs that outlive a change of the commands say no more than proofs made anew."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ SCENES = {
 
 
 def led(guard, seed, cycles=400):
-    """Commands and verdicts of a loop with wishes that change."""
+    """Commands and verdicts of a loop with desired motion that changes."""
     rng = np.random.default_rng(seed)
     q, v, found = guard.home, 0.0 * guard.home, []
     for k in range(cycles):

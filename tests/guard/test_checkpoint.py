@@ -111,14 +111,14 @@ class Twins:
 
 
 def drive(twins, cycles, *, every, period, operator, filters=True, forms=("filter",)):
-    """Drive the first guard's arms as it tells, forking now and then.
+    """Drive the first guard's arms by its commands, forking now and then.
 
     Args:
         twins: The guards.
         cycles: How many cycles.
         every: Cycles between two checkpoints.
         period: Time of a cycle [s].
-        wish: Called with the cycle and positions, gives velocities.
+        operator: Called with the cycle and positions, gives desired velocities.
         filters: Whether commands go through the guard.
         forms: Calls that are drawn from.
     """
@@ -136,7 +136,7 @@ def drive(twins, cycles, *, every, period, operator, filters=True, forms=("filte
         vm = v + rng.uniform(-1e-4, 1e-4, n)
         asked = operator(k, q)
         if k % 97 == 96:
-            # An input that nobody can use, among all the others.
+            # An input that no guard can use, among all the others.
             qm[int(rng.integers(n))] = np.nan
         if not filters:
             twins.cycle("step", qm, t, velocity=vm)
@@ -216,7 +216,7 @@ def test_modes_without_commands(mode):
 
 
 def crowd():
-    """An arm among so many things that the index is asked, some of them hulls."""
+    """An arm among so many objects that the index is asked, some of them hulls."""
     rng = np.random.default_rng(8)
     bare = bay_scene("path")
     for k in range(150):

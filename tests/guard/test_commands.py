@@ -34,7 +34,7 @@ def test_a_command_is_under_way_until_one_after_it_has_taken_effect():
         desired = 0.4 if k < 100 else -0.4
         command = guard.filter([q], [desired], k * PERIOD, velocity=[v])
         commanded.append(command.velocity[0])
-        # Nobody tells the time: a measurement may be as old as `sensing`.
+        # Without a time, a measurement may be as old as `sensing`.
         measured = k * PERIOD - SENSING
         window = [commanded[-1]]
         for back in range(1, len(commanded) + 1):
@@ -88,7 +88,7 @@ def test_what_is_sent_by_an_arm_that_stops_is_the_declared_stop():
         speeds.append(v)
     assert np.diff([0.4, *speeds])[:99] == pytest.approx(-4.0 * PERIOD)
     assert speeds[-1] == 0.0
-    # That is what was declared: nobody calls for the brake.
+    # That is what was declared: no verdict calls for the brake.
     assert guard._watch.disproved.sum() == 0
 
 
@@ -107,7 +107,7 @@ def test_a_stamp_that_cannot_be_true_leads_to_rest_as_well(stamp):
         assert 0.0 <= command.velocity[0] <= v
         v = command.velocity[0]
         q += v * PERIOD
-    # Nobody knows how much time has passed: a cycle's worth in each.
+    # It is unknown how much time has passed: a cycle's worth in each.
     assert v == 0.0
 
 

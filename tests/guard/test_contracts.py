@@ -1,4 +1,4 @@
-"""Contracts anybody may ask for, who holds what, and the models of a gripper."""
+"""Contracts that a client may request, held objects, and the models of a gripper."""
 
 import numba
 import numpy as np

@@ -48,7 +48,7 @@ NOW = 2 * PERIOD
 AHEAD = NOW + 0.0005
 
 # What is given, which reason that must lead to, and what its sentence must hold. A name
-# of the left robot stands for one of the right where the guard is known to mistake it.
+# of the left robot replaces one of the right where the guard is known to mistake it.
 CASES = {
     "no stamp at all": (
         {"stamp": None},
@@ -182,7 +182,7 @@ def test_its_sentence_names_what_it_is_about(guard, case):
 
 
 def give(guard, given):
-    """A cycle in which one thing is wrong."""
+    """A cycle with one wrong input."""
     whole = {"q": STILL, "stamp": NOW, "velocity": STILL, **given}
     return guard.step(
         whole["q"], whole["stamp"], velocity=whole["velocity"], now=whole.get("now")

@@ -37,7 +37,7 @@ def at_limit(request):
 
 
 def seen(guard, beyond, side, count=3):
-    """Verdict of a joint that stands still and is measured beyond its limit."""
+    """Verdict of a joint at rest that is measured beyond its limit."""
     guard.reset()
     q = [side * (LIMIT + beyond), 0.0]
     for k in range(count):
@@ -103,7 +103,7 @@ def test_an_arm_at_its_limit_rests_and_is_led_inwards(at_limit):
     loop.run([0.0, 0.0], 300)
     assert loop.stops == []
     assert not np.any([c.velocity for c in loop.commands])
-    # Outwards it is told nothing.
+    # Outwards it gets no command.
     loop.run([side * 0.5, 0.0], 300)
     assert not np.any([c.velocity for c in loop.commands])
     loop.run([-side * 0.5, 0.0], 300)
@@ -119,7 +119,7 @@ def test_what_creeps_beyond_its_limit_is_led_back(at_limit, delay):
     beyond = []
     for _ in range(3000):
         loop.cycle([0.0, 0.0])
-        # It misses what it is told outwards, all the time.
+        # It misses its commands outwards, all the time.
         loop.q[0] += side * 0.99 * MISSED * PERIOD
         loop.v[0] += side * 0.99 * MISSED
         beyond.append(side * loop.q[0] - LIMIT)
@@ -141,7 +141,7 @@ def test_no_stop_carries_a_joint_beyond_its_limit(ramp, settle):
     loop.run([2.0, 0.0], 100)
     farthest = 0.0
     while loop.cycle([2.0, 0.0]).velocity[0] > 0.0:
-        # A stop told now: what is under way first, then as little as it must brake.
+        # A stop ordered now: what is under way first, then as little as it must brake.
         under_way = [commanded[0] + MISSED for commanded in loop.queue]
         v = float(under_way[-1])
         way = PERIOD * sum(under_way) + 0.5 * v * ramp + 0.5 * v * v / f.deceleration[0]

@@ -1,4 +1,4 @@
-"""A sample of `make motion`: lines past thin things, and times to contact."""
+"""A sample of `make motion`: lines past thin bodies, and times to contact."""
 
 import numpy as np
 import pytest

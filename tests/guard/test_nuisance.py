@@ -1,4 +1,4 @@
-"""Nuisance: synthetic causes are told as what they are."""
+"""Nuisance: synthetic causes are classified as what they are."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A loop at another rate than its scene declares is told both figures and the key."""
+"""A loop at another rate than its scene declares gets both figures and the key."""
 
 import logging
 import re
@@ -14,7 +14,7 @@ RATES = (30.0, 50.0, 100.0, 125.0, 250.0, 500.0, 1000.0)
 
 
 def loop(guard, rate, cycles, speed=0.05):
-    """Arms that do as they are told at some rate; the commands."""
+    """Arms that follow their commands at some rate; the commands."""
     q, v = guard.home, 0.0 * guard.home
     commands = []
     for k in range(cycles):

@@ -81,7 +81,7 @@ def test_a_target_is_forgotten_once_all_its_contracts_are_over(one, other, over,
 def test_what_is_put_down_comes_slowly_and_towards_it(
     down, across, again, known, carried
 ):
-    """On two slides; what it is put on stands still, or is carried by another one."""
+    """On two slides; what it is put on is stationary, or is carried by another one."""
     axes = np.zeros((4, 6))
     axes[:, :3] = [(0, 0, -1), (1, 0, 0), (0, 0, -1), (1, 0, 0)]
     m = record(

@@ -10,7 +10,7 @@ from sliding import EXACT, let_go, motion_of, rest_of, slides
 PERIOD = 1e-3
 SPEED = 1.0
 
-# Figures of a slide whose stop tells by its speed alone that it was ordered too early.
+# Figures of a slide whose speed alone shows that its stop was ordered too early.
 FIGURES = {"command": 0.004, "deceleration": 4.0, "sensing": 0.002, "stale": 0.02}
 
 

@@ -50,7 +50,7 @@ def path_bay(mode="path", index=None, **changes):
 
 
 def arm_scene(mode="path", figures=FIGURES, **settings):
-    """One planar arm, and a wall whose face stands at y = 0.5."""
+    """One planar arm, and a wall whose face is at y = 0.5."""
     scene = wall_scene(mode=mode, **settings)
     robot = scene.robots["arm"]
     stopping = stopping_figures(robot.model, **figures)
@@ -307,7 +307,7 @@ def test_an_object_that_moves_counts_with_its_speed_and_age():
         assert verdict.budget.object >= 0.5 * age
     assert needed[1] - needed[0] == pytest.approx(0.05, abs=1e-3)
     assert needed[2] - needed[1] == pytest.approx(0.05, abs=1e-3)
-    # Where nobody says what time it is, the object too may be as old as the arm.
+    # Without a time of the cycle, the object too may be as old as the arm.
     budgets = []
     for now in (None, 1.1):
         guard.reset()
@@ -331,7 +331,7 @@ def test_mixed_modes_guard_one_scene():
     guard = Guard(scene)
     q = guard.home
     assert guard.step(q, 0.0, velocity=np.zeros(6)).level < Level.STOP
-    # The fixed one stands where the other's way leads to.
+    # The fixed one is where the other's way leads to.
     q[3] = -1.4
     verdicts = []
     for k in range(1, 900):

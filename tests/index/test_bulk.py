@@ -151,7 +151,7 @@ def test_a_stationary_box_costs_less_than_three_hundred_bytes():
     octree = Octree(world)
     bytes_of_world = sum(array.nbytes for array in world)
     assert (octree.nbytes + bytes_of_world) / len(world.kinds) <= 300.0
-    # Room for what moves is not a multiple of what stands.
+    # Room for moving boxes is not a multiple of that for stationary ones.
     nodes, entries = octree.state.nodes, octree.state.entries
     header = octree.state.header
     assert len(nodes) - header[0].nodes_used < 20_000

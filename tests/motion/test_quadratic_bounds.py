@@ -1,6 +1,6 @@
 """The greatest of a quadratic form of joints over their ranges, and along their lines.
 
-No position of the joints exceeds what is told, and where the form is monotone in every
+No position of the joints exceeds the bound, and where the form is monotone in every
 joint one of them reaches it.
 """
 

@@ -8,7 +8,7 @@ from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene
 from audit_pairs import MeshContact
 
-# Configurations that Coal is asked for, all pairs together.
+# Configurations that Coal judges, all pairs together.
 SAMPLES = 10_000
 
 NEVER = [

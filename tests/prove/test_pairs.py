@@ -52,7 +52,7 @@ def turning(name, parent, child, xyz, limit, kind=JointKind.REVOLUTE):
 
 
 def tip_and_post(post, limit=1.0, kind=JointKind.REVOLUTE):
-    """Two rods of 1 m in a plane; a ball of 5 cm at the tip, one that stands still."""
+    """Two rods of 1 m in a plane; a ball of 5 cm at the tip, one that is fixed."""
     links = [
         part("base", Sphere(radius=0.05), post),
         part("rod", Capsule(start=(0.3, 0, 0), end=(0.7, 0, 0), radius=0.01)),

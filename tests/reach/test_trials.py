@@ -24,7 +24,7 @@ def arena():
 
 
 class Blind(Answering):
-    """Tells robots what operators ask for."""
+    """Commands what operators desire."""
 
     def __init__(self, arena):
         self._follow = dict.fromkeys(arena.robots, Action.FOLLOW)

@@ -27,7 +27,7 @@ from attack.recordings import run
 
 
 def recording_of(path, about=b"{}", scene=b"", messages=()):
-    """A recording of parts that somebody made up."""
+    """A recording of made-up parts."""
     with path.open("wb") as out:
         file = McapFile(out.write, "somebody", {})
         file.attach(ABOUT, "application/json", about, 0)

@@ -205,7 +205,7 @@ def test_what_does_not_fit_into_memory_is_given_up_and_said(tmp_path, monkeypatc
     monkeypatch.setattr(disks, "PAUSE", 0.01)
     tape = Tape(tmp_path, checkpoints=50)
     folder = tmp_path / "tapes"
-    # Where the folder should be stands a file: as good as a disk that is gone.
+    # A file is in the place of the folder: as good as a disk that is gone.
     folder.write_text("in the way")
     tape.begin()
     reader = RingReader(tape.path)
@@ -481,7 +481,7 @@ def test_settings_that_change_begin_another_recording_and_all_are_the_same_again
     reader = RingReader(tape.path)
     recorder = Recorder(folder, RecorderSettings())
     tape.drive(0.5)
-    # What a service does that is told another response: a guard anew, in the same ring.
+    # What a service does that gets another response: a guard anew, in the same ring.
     tape.scene.set_mode("speed")
     tape.guard = Guard(tape.scene, self_test=False)
     tape.tape = RecordedGuard(tape.guard, tape.ring, monotonic=lambda: 1e3 + tape.t)

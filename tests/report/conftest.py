@@ -19,7 +19,7 @@ from armguard.scene.settings import ResponseSettings
 PERIOD = 0.004
 CYCLES = 3000
 
-# The clock stands still for the guard and goes on for the recording here [s].
+# The clock is stopped for the guard and goes on for the recording here [s].
 GAP_AT, GAP = 2500, 0.5
 
 # A measurement that is none.

@@ -1,4 +1,4 @@
-"""What touched because it was allowed to is told apart from what did not."""
+"""Permitted contacts and all others are listed apart."""
 
 from pathlib import Path
 

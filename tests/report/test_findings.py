@@ -1,4 +1,4 @@
-"""What a report tells, counted a second time from the guard's own answers."""
+"""Findings of a report, counted a second time from the guard's own answers."""
 
 import json
 from collections import Counter

@@ -66,7 +66,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def looked(written: Path, browser) -> "Looked":
-    """The page in a browser, and all it asked for and complained of."""
+    """The page in a browser, and all it requested and complained of."""
     return Looked(browser.new_page(viewport={"width": 1280, "height": 900}), written)
 
 

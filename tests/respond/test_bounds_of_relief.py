@@ -27,7 +27,7 @@ from sliding import APART, EXACT, RADIUS, at_gap, slide, slides
 # Greatest speed of the ball [m/s], error of tracking of a slide [m/s].
 COMES, MISSES = 0.2, 0.1
 
-# What the scene asks for at rest [m].
+# Distance that the scene requires at rest [m].
 FLOOR = 0.005
 
 PERIOD = 0.001
@@ -285,7 +285,7 @@ class Beside:
         self.v = np.zeros(1)
 
     def cycle(self, asked, comes=0.0):
-        """One cycle: the ball comes, the slide is asked, and moves as it is told."""
+        """One cycle: the ball comes, the slide is asked, and follows its command."""
         self.ball -= comes * PERIOD
         if self.mover:
             # A sighting that cannot be true is refused, and the arm is stopped.

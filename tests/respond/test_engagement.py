@@ -12,7 +12,7 @@ from driven import Driven, ball_guard
 
 
 def stopped(form="filter", desired=0.5, **response):
-    """A loop whose arm was stopped by a wish that was none, and now rests."""
+    """A loop whose arm was stopped by invalid desired motion, and now rests."""
     guard = Guard(ball_scene(response=ResponseSettings(**response)), self_test=False)
     loop = Driven(guard)
     loop.run([desired], 150, form)
@@ -98,7 +98,7 @@ def test_or_it_is_refused_with_the_joints_named():
     assert command.blocked == {"arm": Blocked.FAR_START}
     assert command.far_joints == ("arm/joint1",)
     assert (loop.q == guard.home).all()
-    # The master comes to where the arm is, and has it.
+    # The leader arm comes to where the arm is, and has it.
     loop.run(guard.home + 0.02, 5, "filter_positions")
     assert loop.commands[-1].blocked == {"arm": Blocked.NOT}
 
@@ -130,7 +130,7 @@ def test_nothing_winds_up_while_the_ball_is_in_the_way():
         loop.cycle([min(0.3 + 2e-4 * k, 1.2)], "filter_positions")
     held = loop.commands[-1].position[0]
     assert held == pytest.approx(loop.q[0], abs=2e-3)
-    # The master turns round: the arm follows at once, not after what was summed up.
+    # The leader arm turns round: the arm follows at once, not after what was summed up.
     turned = loop.run([held - 0.02], 150, "filter_positions")
     assert turned.velocity[0] < -0.01
 
@@ -212,7 +212,7 @@ def test_before_anything_is_known_no_position_is_commanded(begins, wrong):
         guard.reset()
     values = {"nan": np.nan, "infinite": -np.inf, "far out": 1e6}
     for k in range(3):
-        # Elsewhere each time: what was said before is not told again.
+        # Elsewhere each time: what was said before is not said again.
         q, v = there + 0.1 * k, nothing.copy()
         now = 0.001 * k
         stamp = now + 5.0 if wrong == "stamp" else now

@@ -151,9 +151,9 @@ def past(
         begin: Where the cart is first, in the plane [m].
         velocity: Its velocity there [m/s].
         seconds: For how long.
-        wish: What the operator asks for [rad/s].
+        desired: Motion that the operator desires [rad/s].
         gone: When the cart is taken away; None if it is not [s].
-        wrong_at: When the operator tells what is no number; None if never [s].
+        wrong_at: When the operator sends what is no number; None if never [s].
 
     Returns:
         Least gap to the cart, joint positions and why the arm did not follow, of each
@@ -291,7 +291,7 @@ def test_an_arm_that_was_stopped_evades_when_it_rests():
 
 
 def test_what_passes_near_by_stops_no_robot_that_could_evade_it():
-    # It misses by 40 mm, and could be at the arm before that stands still for certain.
+    # It misses by 40 mm, and could be at the arm before that is surely at rest.
     guard = tall_cart_guard(top_speed=5.0)
     least, rows, blocked = past(guard, (1.18, 1.0), (0.0, -0.4), 4.0)
     assert least == pytest.approx(0.04, abs=1e-3)
@@ -361,7 +361,7 @@ def test_one_that_recovers_is_held_for_a_while_when_nothing_comes_any_more(
     assert response.requested[0] == (0.0 if evading else asked)
 
 
-# Distance that is asked for at rest, and gap of the cart at x to an arm along x [m].
+# Distance that is required at rest, and gap of the cart at x to an arm along x [m].
 FLOOR = 0.005
 TIP = 1.0 + ARM + CART
 
@@ -384,7 +384,7 @@ def test_what_passes_30_mm_off_is_no_threat_and_what_passes_nearer_is(share):
 def test_a_robot_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
     guard = tall_cart_guard(evade_time=2.0)
     guard._escape.notes[0].evading = 1
-    # The operator asks for next to nothing.
+    # The operator desires next to no motion.
     command = comes_at(guard, TIP + FLOOR + share * 0.045, 0.3, asked=(2e-6, 0.0))
     assert (command.blocked["arm"] is Blocked.EVADING) == (share < 1.0)
 

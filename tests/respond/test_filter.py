@@ -1,4 +1,4 @@
-"""What robots are told: what is wanted, or something near it, or a stop."""
+"""Commands to robots: the desired motion, or something near it, or a stop."""
 
 import re
 from pathlib import Path
@@ -73,7 +73,7 @@ def test_the_response_stop_goes_on_as_asked_and_then_stops():
     loop.run([1.0], 1700)
     first = next(k for k, c in enumerate(loop.commands) if c.action > 0)
     assert loop.commands[first].verdict.reason is Reason.TOO_CLOSE
-    # Until then nothing of the wish was taken back.
+    # Until then nothing of the desired motion was taken back.
     assert loop.commands[first - 1].velocity[0] == 1.0
     rest = loop.run([1.0], 600)
     assert rest.velocity[0] == 0.0
@@ -145,7 +145,7 @@ def test_joints_slow_down_before_their_limits():
 @pytest.mark.parametrize("response", ["slow", "deflect"])
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_nor_does_one_pass_its_limit_because_another_one_is_faster(response, share):
-    # Who keeps his direction slows down all joints in proportion, but not there.
+    # A response that keeps directions slows down all joints in proportion, not there.
     loop = Driven(wall_guard(response), q=[-1.6, 0.0, -0.5])
     loop.run([-2.0 * share, 0.0, 2.0], 1500)
     assert loop.stops == []

@@ -1,4 +1,4 @@
-"""Pick, lift, carry, place, let go, hand over; and everything that is not meant."""
+"""Pick, lift, carry, place, let go, hand over; and everything that is not intended."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def closed_on(loop, robot="arm", name="block"):
 
 
 def gaps(loop, a, b):
-    """True distance of two bodies that nobody holds in every cycle [m]."""
+    """True distance in every cycle of two bodies that no gripper holds [m]."""
     rows = []
     for q, _ in loop.rows:
         boxes = boxes_at(loop.guard, q)
@@ -126,7 +126,7 @@ def test_contact_happens_at_creep_and_no_deeper_than_the_contract_says():
 
 
 # An arm that drifts against one side of what is between its fingers, as fast as its
-# figures say: the hand and the right finger both miss what they are told [m/s].
+# figures say: the hand and the right finger both miss their commands [m/s].
 DRIFT = {"arm/y": 0.002, "arm/open_right": -0.002}
 
 
@@ -141,7 +141,7 @@ def test_drift_does_not_use_the_depth_of_a_contract_up(response):
     assert loop.stops == []
     assert -0.002 <= gaps(loop, "arm/right", "block").min() < 0.0
     assert gaps(loop, "arm/left", "block")[-1] <= 0.0
-    # He asks for nothing, the contract is in force, and drift goes on.
+    # The operator desires no motion, the contract is in force, and drift goes on.
     loop.push({}, 2000)
     assert loop.stops == []
     assert gaps(loop, "arm/right", "block").min() >= -0.002
@@ -330,8 +330,8 @@ def episode(rng):
     """Pick one of several blocks in random places and put it down in another.
 
     Returns:
-        The loop, and least true distances: of fingers from blocks that are not meant,
-        and of the hand from all.
+        The loop, and least true distances: of fingers from blocks other than the
+        target, and of the hand from all.
     """
     free = [(x, y) for x in (-0.3, -0.1, 0.1, 0.3) for y in (-0.3, 0.0, 0.3)]
     spots = [free[k] for k in rng.permutation(len(free))]
@@ -369,7 +369,7 @@ def test_random_episodes_succeed_and_touch_nothing_else():
 
 
 def desired_grip(loop, xy):
-    """What an operator wishes who grips a block: over it, down to it, and closed."""
+    """Desired motion to grip a block: over it, down to it, and closed."""
     x, y, z = loop.q[:3]
     beside = max(abs(xy[0] - x), abs(xy[1] - y))
     goal = (*xy, DOWN) if beside < 0.003 else (x, y, UP) if z < UP - 0.02 else (*xy, UP)
@@ -381,8 +381,8 @@ def desired_grip(loop, xy):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_whatever_is_desired_only_the_target_is_touched_and_no_deeper(seed):
-    # Three blocks side by side, 20 mm apart, an operator who changes his mind, and an
-    # arm that is late and misses what it is told.
+    # Three blocks side by side, 20 mm apart, an operator with changing intent, and an
+    # arm that is late and misses its commands.
     rng = np.random.default_rng(seed)
     step = 2.0 * BLOCK[0] + 0.02
     blocks = {f"b{k}": (step * (k - 1), 0.0) for k in range(3)}
@@ -402,7 +402,7 @@ def test_whatever_is_desired_only_the_target_is_touched_and_no_deeper(seed):
         loop.rows.clear()
         for cycle in range(100 if means is None else 3000):
             if means is not None:
-                # Who was stopped lets go first.
+                # An operator lets go first after a stop.
                 desired = desired_grip(loop, means) if cycle > 20 else {}
             loop.cycle(desired)
             intended = int(guard._grips.grippers[0].target)
@@ -494,7 +494,7 @@ def test_an_object_3_mm_beside_another_is_lifted_without_coming_nearer():
     loop = Loop(guard)
     closed_on(loop)
     assert kinds(guard) == {"held", "standing", "beside"}
-    # The operator pulls towards the other block while he lifts.
+    # The operator pulls towards the other block while lifting.
     loop.push({"arm/x": 0.02, "arm/z": 0.02}, 1000)
     offset = middle_of(guard, "block") - loop.q[:3]
     loop.push({"arm/z": 0.1}, 1500)
@@ -569,7 +569,7 @@ def test_exceeded_by_a_millimetre_is_hold_and_one_gets_out_again():
     loop = Loop(guard)
     loop.go({"arm/z": DOWN}, speed=0.08)
     loop.push({"arm/open_left": -0.05, "arm/open_right": -0.05}, 1500)
-    # Somebody shifts the block: now a finger is 3 mm in it.
+    # A person shifts the block: now a finger is 3 mm in it.
     middle = np.array([0.0, 0.0, BLOCK[2]])
     middle[1] += 0.003 + gaps(loop, "arm/left", "block")[-1]
     T = np.eye(4)

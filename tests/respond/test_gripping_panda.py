@@ -186,7 +186,7 @@ def test_what_is_put_down_goes_down_straight():
     assert arm.hand[2, 3] == pytest.approx(DOWN, abs=3e-3)
     assert np.abs(arm.hand[:2, 3] - begin[:2, 3]).max() < 1e-3
     assert np.abs(arm.hand[:3, :3] - begin[:3, :3]).max() < 4e-3
-    # Who slides it along the table is not held back by that.
+    # An arm that slides it along the table is not held back by that.
     for _ in range(500):
         arm.cycle(np.array([0.0, -0.05, -0.02, 0.0, 0.0, 0.0]))
     assert arm.hand[1, 3] - begin[1, 3] < -0.015

@@ -12,14 +12,14 @@ PERIOD = 0.001
 
 
 def follow(guard, desired, cycles, hangs=lambda k, stuck: None, begin=0.0):
-    """Commands of an arm that does as it is told; `hangs` says what is measured."""
+    """Commands of an arm that follows them; `hangs` says what is measured."""
     q, v = guard.home, np.zeros(len(guard.q_names))
     commands = []
     for k in range(cycles):
         time = begin + k * PERIOD
         stuck = hangs(k, q)
         measured = q if stuck is None else stuck
-        # An encoder that hangs tells of no speed either.
+        # An encoder that hangs reports no speed either.
         speed = v if stuck is None else 0.0 * v
         command = guard.filter(measured, desired, time, velocity=speed, now=time)
         v = command.velocity

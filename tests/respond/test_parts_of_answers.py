@@ -73,7 +73,7 @@ def motion(rng):
 
 
 def watch(rng):
-    """What a robot was told, and that a cycle has passed since."""
+    """The last command of a robot, and that a cycle has passed since."""
     given, timing = records(1, Given)[0], records(1, Timing)[0]
     given.now, timing.period, timing.late = 5.0, 0.01, 0.0
     return record(
@@ -237,7 +237,7 @@ def test_a_velocity_costs_a_pair_its_delay_and_its_stop():
         costs(a, v, m)
         f = m.joint_figures
         d, gain = f.deceleration, f.acceleration * DT
-        # Reaction, ramp and swing, and the stop of what it can be told in a cycle.
+        # Reaction, ramp and swing, and the stop from what can be commanded in a cycle.
         time = DELAY + 0.5 * RAMP + f.settle / f.velocity
         braking = 0.5 * gain / d
         last = np.abs(v.commanded)
@@ -610,7 +610,7 @@ def test_a_robot_that_rests_or_runs_waits_for_the_reason_of_its_standstill(
         a.request.stop_reason = why
         v = record(phase=np.array([phase]), cause=np.array([before]))
         assert waits(a, v)
-        # What stopped it before is told on, unless somebody ordered this.
+        # What stopped it before is reported on, unless a person ordered this stop.
         kept = phase == STOPPING or (before != Reason.OK and not ordered)
         assert v.cause[0] == (before if kept else why)
         assert a.notes[0].ordered_stop == (why if ordered else 0)

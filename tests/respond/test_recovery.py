@@ -1,4 +1,4 @@
-"""Leaving what is too near: surely, whatever the joints make of what they are told."""
+"""Leaving what is too near: surely, whatever the joints make of their commands."""
 
 import numpy as np
 import pytest

@@ -190,7 +190,7 @@ def test_a_robot_with_desired_positions_meets_its_leader_arm_again_afterwards(gu
     rests = loop.q.copy()
     loop.run(leader, 300, "filter_positions")
     assert (loop.q == rests).all()
-    # The master comes to where the arm is, and has it again.
+    # The leader arm comes to where the arm is, and has it again.
     command = loop.run(loop.q + 0.01, 50, "filter_positions")
     assert command.blocked["left"] is Blocked.NOT
 
@@ -212,7 +212,7 @@ def test_to_positions_it_goes_straight_where_that_is_free(guard):
 
 
 def round_a_corner(loop):
-    """A wish that turns the left arm, and then leans it forward."""
+    """Desired motion that turns the left arm, and then leans it forward."""
     v = np.zeros(14)
     v[0 if loop.t < 1.45 else 1] = 0.5
     return v
@@ -293,7 +293,7 @@ def test_between_two_bodies_too_near_it_waits_for_one_of_them_to_go():
     pinched = loop.run([0.0], 200)
     assert pinched.blocked == {"arm": Blocked.PINCHED}
     assert pinched.velocity[0] == 0.0
-    # What stands behind it goes: it leaves the other one, and goes back all the way.
+    # The obstacle behind it goes: it leaves the other one, and goes back all the way.
     guard.remove("other")
     leaving = loop.run([0.0], 30)
     assert leaving.blocked == {"arm": Blocked.TOO_NEAR}
@@ -320,7 +320,7 @@ def test_what_is_remembered_is_bounded_and_shortened_by_going_back(guard):
 
 
 def circle(t):
-    """A wish that leads the left wrist round in free space."""
+    """Desired motion of the left wrist round in free space."""
     v = np.zeros(14)
     v[4], v[6] = 1.5 * np.cos(3.0 * t), 1.5 * np.sin(3.0 * t)
     return v

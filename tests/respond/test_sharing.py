@@ -1,4 +1,4 @@
-"""Two arms that come near each other: who of them is slowed."""
+"""Two arms that come near each other: which one is slowed."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from driven import Driven, two_arms
 
 
 def gap(loop):
-    """Distance told of the two arms [m]."""
+    """Reported distance of the two arms [m]."""
     return loop.commands[-1].verdict.nearest.distance
 
 

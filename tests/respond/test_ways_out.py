@@ -22,7 +22,7 @@ HARD = {
         0.52, -1.3586, 0.3492, -0.9126, 2.1157, 0.0198, -1.5509,
         1.1314, 1.4981, -2.3857, -0.804, 1.3925, 1.1203, 2.1898,
     ),
-    # The other arm follows its operator, who asks for nothing.
+    # The other arm follows its operator, who desires no motion.
     "beside an arm that is not stopped": (
         1.1993, 1.2677, -1.6479, -0.0953, 1.6529, 1.6179, -3.0048,
         -1.306, -1.6583, -2.2464, -0.3066, -1.139, -1.6111, 1.4793,

@@ -1,4 +1,4 @@
-"""Meshes in a scene: any soup, any number of triangles, every fault told."""
+"""Meshes in a scene: any soup, any number of triangles, every fault reported."""
 
 import os
 import tracemalloc

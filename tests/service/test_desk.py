@@ -47,7 +47,7 @@ class Bench:
         self.arrival = self.judge.arrival
 
     def take(self, payload, taker=take_state, sender=ME, sequence=1, now=0, token=0):
-        """Hand a payload over; what came of it, and of the wish in it."""
+        """Hand a payload over; what came of it, and of the desired motion in it."""
         self.buffer[48 : 48 + len(payload)] = payload
         arrival = self.arrival
         arrival.length, arrival.now = 48 + len(payload) + 16, now
@@ -162,7 +162,7 @@ def test_desired_motion_is_taken_over_or_dropped_by_name(bench):
         assert take(payload) == outcome, (payload, outcome)
         assert desk.desired.tobytes() == values.tobytes()
     assert take(desired_motion(values), token=0) == "not_commander"
-    # In a state, a wish that is none does not keep what was measured from counting.
+    # Invalid desired motion in a state does not keep the measurement from counting.
     measured = np.full(N, 0.25)
     payload = state(measured, desired=desired_motion(values, token=3))
     assert bench.take(payload, token=SHOWN) == ("", "not_commander")
@@ -175,7 +175,7 @@ def test_desired_motion_is_taken_over_or_dropped_by_name(bench):
 
 
 def desired_at(form, k, q):
-    """What is wished for in a cycle, and the same for `Guard.filter` and its like."""
+    """What is desired in a cycle, and the same for `Guard.filter` and its like."""
     if form is Form.VELOCITIES:
         values = np.sin(0.01 * k + np.arange(N))
         return values, values

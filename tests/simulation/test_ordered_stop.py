@@ -20,8 +20,8 @@ LATE = 0.4
 # Nothing is waited for longer [s].
 PATIENCE = 60.0
 
-# The operator engages what the guard stopped after 0.6 s; after a stop of a person he
-# is watched for this long [s].
+# The operator engages what the guard stopped after 0.6 s; after a stop by a person the
+# operator is watched for this long [s].
 WATCHED = 4.0
 
 
@@ -69,7 +69,7 @@ class Watched:
 
 
 def moves(frame):
-    """Whether any joint is told to move."""
+    """Whether any joint is commanded to move."""
     return frame.told[: len(frame.q)].any()
 
 

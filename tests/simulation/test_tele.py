@@ -48,7 +48,7 @@ def test_after_a_stop_the_operator_lets_go_waits_engages_and_goes_elsewhere():
     assert first[:7].any() and first[7:].any()
     desired, engages = operator.drive(1.01, TABLES.home, stopped)
     assert not desired[:7].any() and desired[7:].any() and engages == []
-    # He looks on, whatever the arm does: it is too early to go on.
+    # The operator looks on, whatever the arm does: it is too early to go on.
     desired, engages = operator.drive(1.1, TABLES.home, {})
     assert not desired[:7].any() and engages == []
     desired, engages = operator.drive(1.2, TABLES.home, stopped)

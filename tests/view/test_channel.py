@@ -1,4 +1,4 @@
-"""The page's own channel: who may listen, how fast a level is there, what ends it."""
+"""The page's own channel: which page may listen, how fast a level is there, its end."""
 
 import asyncio
 import contextlib
@@ -35,7 +35,7 @@ NONSENSE = (
 
 
 class Loop:
-    """A loop that judges when it is told to, and a view that reads its ring."""
+    """A loop that judges on demand, and a view that reads its ring."""
 
     def __init__(self, folder: Path) -> None:
         scene = bay_scene("path")
@@ -81,7 +81,7 @@ def listening(loop, **headers):
 
 
 async def states_of(page, seconds):
-    """States the page is told of within some time."""
+    """States that the page gets within some time."""
     found = []
     try:
         async with asyncio.timeout(seconds):
@@ -197,7 +197,7 @@ def test_sockets_of_our_own_page_open_on_both_ports(loop):
 
 
 def ask(loop, path="", **headers):
-    """Ask for a file of the page; what comes back."""
+    """Request a file of the page; what comes back."""
     address = loop.view.login.link.partition("?")[0] + path
     one = urllib.request.Request(address, headers=headers)
     return urllib.request.urlopen(one, timeout=PATIENCE)

@@ -16,7 +16,7 @@ from armguard.view.world import tool_pose
 
 
 class Hand:
-    """Somebody at keys and a gamepad, with a clock of his own."""
+    """A person at keys and a gamepad, with a separate clock."""
 
     def __init__(self):
         self.now, self.stops, self.chosen = 0.0, 0, []

@@ -29,7 +29,7 @@ PULSE = 0.05
 
 
 def moves(view):
-    """Whether the arm is told to move."""
+    """Whether the arm is commanded to move."""
     frame = view.source.newest
     return frame is not None and bool(np.any(frame.told[: len(frame.q)]))
 
@@ -40,7 +40,7 @@ def leads_tool(view):
 
 
 def desires(view):
-    """Whether the view asks for motion."""
+    """Whether the view desires motion."""
     return bool(view.driver.desired(view.source.newest).velocities.any())
 
 
@@ -159,7 +159,7 @@ def test_silence_ends_inputs():
 
 
 async def first_state(view, browser, what):
-    """The first state that a page is told of which something is true."""
+    """The first state sent to a page of which something is true."""
     channel = connect(channel_of(view.login.link), additional_headers=browser)
     async with channel as page, asyncio.timeout(PATIENCE):
         while True:

@@ -1,4 +1,4 @@
-"""What the exporter tells is what the service counted and wrote down."""
+"""The exporter serves what the service counted and wrote down."""
 
 import http.client
 import signal
@@ -44,7 +44,7 @@ from armguard.service.wire import Cause
 # Nothing here takes longer than that, whatever else the machine does [s].
 PATIENCE = 120.0
 
-# State of a socket that listens, as Linux tells it.
+# State of a socket that listens, as Linux reports it.
 LISTENS = "0A"
 
 
@@ -87,7 +87,7 @@ def station():
         for _ in range(100):
             client.cycle(home, np.zeros(len(home)), velocity=np.zeros(len(home)))
             time.sleep(0.004)
-        # A wish without the token, a datagram that is no message, an ordered stop.
+        # A WISH without the token, a datagram that is no message, an ordered stop.
         with Client(port, name="other") as other:
             other.connect()
             other.send_velocities(np.zeros(len(home)))
@@ -98,7 +98,7 @@ def station():
         for _ in range(10):
             client.cycle(home, np.zeros(len(home)), velocity=np.zeros(len(home)))
             time.sleep(0.004)
-        # Nobody counts while the loop is paused.
+        # No process counts while the loop is paused.
         service.send_signal(signal.SIGSTOP)
         yield Station(service, ring, page, exporter)
     for process in (exporter, service):
@@ -261,7 +261,7 @@ def test_reasons_have_names():
 
 
 def test_the_page_is_on_loopback_only(station):
-    """Nobody but this machine can ask."""
+    """Only this machine can read the metrics."""
     port = int(station.page.rpartition(":")[2].partition("/")[0])
     rows = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
     here = [row.split()[1] for row in rows if row.split()[3] == LISTENS]

@@ -30,8 +30,8 @@ LATE = 0.4
 
 ROOT = "armguard/bay"
 
-# A commander who is silent for half a second loses the command, as he would here if the
-# machine has no time for him; he tries again.
+# A commander that is silent for half a second loses the command. Here a busy machine may
+# cause that; the commander then tries again.
 TRIES = 5
 
 
@@ -49,14 +49,14 @@ def started(*words):
 
 
 def free_port():
-    """A TCP port that nobody has."""
+    """A free TCP port."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
 
 
 def session_at(port):
-    """A Zenoh session that knows the bridge and nobody else."""
+    """A Zenoh session that knows the bridge and no other peer."""
     config = zenoh.Config()
     for key, value in (
         ("mode", "peer"),
@@ -199,10 +199,10 @@ class Setup:
         raise last
 
     def lead(self, holds):
-        """The first command for which something holds while somebody wishes.
+        """The first command for which something holds while motion is desired.
 
-        A machine that is busy takes the command from him, or brings a stop that was
-        ordered before only when he has engaged: then he begins again.
+        On a busy machine the commander may lose the command, or a stop that was
+        ordered before arrives only after it has engaged: then it begins again.
         """
         for _ in range(TRIES):
             self.claim()
@@ -244,7 +244,7 @@ def setup(tmp_path_factory):
 
 
 def test_states_and_desired_motion_become_commands(setup):
-    """Names say which joint is meant: the states come in the opposite order."""
+    """Joints are found by their names: the states come in the opposite order."""
     command = setup.lead(
         lambda m: m["began_by"] and m["cause"] == "NONE" and min(m["velocities"]) > 0.0
     )
@@ -255,7 +255,7 @@ def test_states_and_desired_motion_become_commands(setup):
     assert 0 < command["began_by"]["sequence"] <= setup.arms.sent
     assert [one["sender"] for one in command["states"].values()] == [name] * 2
     assert not command["stop"]
-    # From home in the direction of the wish, joint by joint.
+    # From home in the desired direction, joint by joint.
     home = setup.welcome["home"]
     steps = [b - a for a, b in zip(home, command["positions"], strict=True)]
     assert all(0.0 <= step < 0.05 * 3.0 * TRIES for step in steps)
@@ -554,7 +554,7 @@ def test_a_service_that_is_killed_is_reported_as_a_stop_and_may_come_back(setup)
     setup.service.communicate(timeout=PATIENCE)
     for path in (setup.ring, counters_path(setup.ring)):
         path.unlink(missing_ok=True)
-    # Whatever is told meanwhile tells every joint to stand still.
+    # Every command of this time has zero velocity for every joint.
     for _ in range(30):
         received = setup.commander.await_one("command", lambda m: True)
         assert received["names"] == setup.welcome["names"] and received["stop"]

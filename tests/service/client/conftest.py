@@ -59,7 +59,7 @@ class FarEnd:
         outbox: Where they are written.
         keys: Its keys.
         port: Its port.
-        sender: Who said something last.
+        sender: The client whose message came last.
         behind: How old its messages say they are [ns].
     """
 
@@ -172,7 +172,7 @@ def observer(far: FarEnd) -> Iterator[Client]:
 
 @pytest.fixture
 def client(far: FarEnd, observer: Client) -> Client:
-    """A client that has told where its arms are, and has the command."""
+    """A client that has sent positions of its arms, and has the command."""
     with far.hearing(Kind.STATE):
         observer.cycle([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], timeout=0.0)
     return observer

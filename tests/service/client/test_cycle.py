@@ -1,4 +1,4 @@
-"""A state and a wish go out, and an answer comes back, or a stop is told."""
+"""A state and desired motion go out, and an answer comes back, or a stop."""
 
 import time
 
@@ -29,7 +29,7 @@ def answering(far, before=lambda: None):
 
 
 def read(message: bytes, velocities: bool):
-    """Robots, stamp, positions, velocities, token and wish of a STATE with a wish."""
+    """Robots, stamp, positions, velocities, token and values of a STATE with a WISH."""
     bits, flags, stamp = STATE.unpack_from(message, HEADER.size)
     assert flags == (3 if velocities else 2)
     at = HEADER.size + STATE.size

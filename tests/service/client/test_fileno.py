@@ -1,4 +1,4 @@
-"""A client among the things that a program of its own waits for."""
+"""A client among the files that a program of its own waits for."""
 
 import asyncio
 import os

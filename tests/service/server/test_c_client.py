@@ -14,13 +14,13 @@ from service_arms import wait_for
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 # Silence after which the program takes the service for dead [s]; machines that run
-# tests have other things to do.
+# tests have other work to do.
 WATCHDOG = 2.0
 
 compiler = shutil.which("cc") or shutil.which("gcc")
 pytestmark = pytest.mark.skipif(compiler is None, reason="there is no C compiler")
 
-# Digests of messages of many lengths, told in hex.
+# Digests of messages of many lengths, in hex.
 DIGESTS = """
 #include <stdio.h>
 #include <stdlib.h>

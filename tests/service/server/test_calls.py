@@ -76,7 +76,7 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
         reply = client.call("configure", response={"left": "stop"}, mode="speed")
         assert reply["scene_hash"] != before
         assert client.welcome.scene_hash == reply["scene_hash"]
-        # Everybody else is told too, and the same ring goes on.
+        # All other clients are informed too, and the same ring goes on.
         until(other_hears(other), lambda _: other.welcome.scene_hash != before)
         assert arms.lead(desired).cycle > cycle
         notes = [
@@ -87,7 +87,7 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
         assert notes[-1]["scene_hash"] == reply["scene_hash"]
         assert notes[-1]["settings"]["modes"] == {"left": "speed", "right": "speed"}
         assert notes[-1]["settings"]["responses"]["left"] == "stop"
-        # Who replays what follows has a place to begin.
+        # A replay of what follows has a place to begin.
         frames = [frame_of(row) for row in RingReader(served.ring).unread()]
         last_scene = max(
             k for k, frame in enumerate(frames) if frame.text.get("note") == "scene"
@@ -100,7 +100,7 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
 
 
 def other_hears(other):
-    """One step in which somebody listens."""
+    """One step in which a client listens."""
     return lambda: other.receive(0.1) or other.latest
 
 

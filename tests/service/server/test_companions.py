@@ -1,4 +1,4 @@
-"""Companions: the one nobody sees is started again when it ends, later each time."""
+"""Companions: one that ends in the background is started again, later each time."""
 
 import os
 import subprocess

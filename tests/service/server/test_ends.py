@@ -1,4 +1,4 @@
-"""Processes that end, or are made to pause: who is left stops in time."""
+"""Processes that end, or are made to pause: those that are left stop in time."""
 
 import os
 import signal
@@ -86,14 +86,14 @@ def test_a_client_that_is_killed_leaves_robots_at_rest(served, patient_bay):
             lambda a: a.cycle >= 0 and not a.commander and a.stops,
         )
         assert (answer.velocity == 0.0).all()
-        # The next one begins where nobody commands.
+        # The next one begins without a commander.
         arms = Arms(observer)
         arms.lead(WISH)
         arms.drive(0 * WISH, 5)
 
 
 def moves(answer: Answer) -> bool:
-    """Whether robots are told to move."""
+    """Whether robots are commanded to move."""
     return bool(answer.velocity.any())
 
 

@@ -1,4 +1,4 @@
-"""Who may do what: keys and their roles, ages, objects, what a crash leaves behind."""
+"""Rights of clients: keys, their roles, ages, objects, what a crash leaves behind."""
 
 import os
 import signal

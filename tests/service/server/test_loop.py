@@ -1,4 +1,4 @@
-"""States and wishes go in, commands come out, from the real process."""
+"""States and desired motion go in, commands come out, from the real process."""
 
 import time
 

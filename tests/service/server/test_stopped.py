@@ -27,7 +27,7 @@ CHANGES = (
     ("stamp=stamp)", "stamp=stamp, timeout=5.0)"),
 )
 
-# How long the service is held up: longer than it bears [s].
+# How long the service is held up: longer than it tolerates [s].
 PAUSE = 1.0
 
 
