@@ -37,7 +37,7 @@ PERIOD = 1e-3
 # Rows of the motion that is stepped through, and every how many of them is compared.
 ROWS, EVERY = 20_000, 997
 
-# Share of the top speeds an operator asks for [-], for how many cycles of one mind, and
+# Share of the top speeds an operator desires [-], for how many cycles of one mind, and
 # how often a measurement cannot be read.
 SPEED, OF_ONE_MIND, UNREADABLE = 0.3, 500, 10_007
 

@@ -5,7 +5,7 @@ make ways-out ARGS="--states 500"      some of them
 
 States lie on straight lines between random configurations, where the nearest pair is
 about as near as it may be: up to 4 mm nearer, or up to 2 mm farther. The arms rest
-there. Asked for are the way out that the cues tell, and then each joint alone, both
+there. Requested are the way out that the cues show, and then each joint alone, both
 ways. A way counts as out if what is commanded moves, no pair that was too near comes
 nearer by it, and one of them, if there is any, comes to be farther; that is measured
 anew, at rest. Where none is commanded, `PINCHED` has to be, and the pinch is looked for
@@ -38,10 +38,10 @@ NEARER, FARTHER = 0.004, 0.002
 # Samples of a line on which the limit is looked for, and halvings after that.
 SAMPLES, HALVINGS = 40, 30
 
-# Cycles in which an arm is seen to rest, and in which a way is asked for.
+# Cycles in which an arm is seen to rest, and in which a way is requested.
 REST, ASK = 8, 3
 
-# Share of the top speeds that is asked for [-].
+# Share of the top speeds that is requested [-].
 SPEED = 0.1
 
 # Motion by which it is seen whether a way leads out [rad], and what no way may bring a

@@ -63,7 +63,7 @@ def delayed(target: Target, arms: Arms, delay: float) -> Row:
 
 
 def growing(target: Target, arms: Arms, times: int) -> Row:
-    """The delay grows while the operator drives; how long motion outlasts his hand."""
+    """The delay grows while the operator drives; how long motion outlasts it."""
     longest, tried, moved = -inf, 0, 0
     for k in range(times):
         pace, most = GROWING[k % len(GROWING)]

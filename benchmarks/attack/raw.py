@@ -40,7 +40,7 @@ PATIENCE = 20.0
 
 
 class Heard(NamedTuple):
-    """What a COMMAND tells.
+    """Content of a COMMAND.
 
     Attributes:
         came: When it was received, monotonic [s].
@@ -70,7 +70,7 @@ class Raw:
         scene: Scene that its messages name.
         sequence: Number of its last message.
         token: What the service has granted it; 0 for nothing.
-        welcome: What the service tells of itself.
+        welcome: What the service reports of itself.
         socket: Its socket, which is connected to the service.
 
     Args:
@@ -143,7 +143,7 @@ class Raw:
             except (BlockingIOError, TimeoutError):
                 return None
             except OSError:
-                # Nobody listens there.
+                # No process listens there.
                 time.sleep(0.001)
                 if time.monotonic() >= end:
                     return None
@@ -249,7 +249,7 @@ def sealed(head: bytes, key: bytes) -> bytes:
 
 
 def heard(message: bytes) -> Heard:
-    """What a COMMAND tells."""
+    """Content of a COMMAND."""
     cause, flags = struct.unpack_from("<HxxxxH", message, SUMMARY_AT + 2)
     joints, robots = struct.unpack_from("<HH", message, SUMMARY_AT + 10)
     (commander,) = struct.unpack_from("<Q", message, SUMMARY_AT + 16)

@@ -64,7 +64,7 @@ WORST = (
 
 
 def scene_to_attack():
-    """A gantry that grips, evades and is led, among things that come and go."""
+    """A gantry that grips, evades and is led, among objects that come and go."""
     scene = Scene(mode="path")
     scene.period = PERIOD
     scene.add_robot(

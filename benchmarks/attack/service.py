@@ -26,7 +26,7 @@ BURST = 32
 # Longest wait until those are read [s].
 READ = 0.05
 
-# A speed that nobody but an attacker desires [rad/s].
+# A speed that only an attacker desires [rad/s].
 FORGED = 0.5
 
 # Clients of each role that attack at a time: the service does some calls of each only.
@@ -128,10 +128,10 @@ def burst(target: Target, messages: Iterator[tuple[Raw, bytes]]) -> int:
 
 
 def lies(raw: Raw, arms: Arms, rng: Random) -> Iterator[tuple[Raw, bytes]]:
-    """What somebody sends who knows all but a key: of each kind, under any number.
+    """Messages of an attacker that knows all but a key: of each kind, under any number.
 
     Args:
-        raw: Who sends it, with keys that are wrong.
+        raw: The client that sends them, with keys that are wrong.
         arms: Whose number, session, scene and token are known.
         rng: Which of them.
     """

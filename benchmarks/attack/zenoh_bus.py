@@ -50,7 +50,7 @@ FORGED = 9.75
 def opened(
     mode: str, listen: tuple[str, ...], connect: tuple[str, ...]
 ) -> Iterator[Any]:
-    """A session of Zenoh that finds nobody by itself."""
+    """A session of Zenoh that finds no peer by itself."""
     config = zenoh.Config()
     for key, value in (
         ("mode", mode),

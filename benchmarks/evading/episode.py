@@ -89,7 +89,7 @@ CLASS = 10
 
 
 class Sight:
-    """Who sees the projectile now and then, late, and tells the guard.
+    """A sensor that sees the projectile now and then, late, and reports to the guard.
 
     Args:
         guard: The guard.
@@ -102,7 +102,7 @@ class Sight:
         self._next, self._seen = BEFORE, BEFORE
 
     def report(self, plant: Plant) -> None:
-        """Tell the guard before a cycle what was seen."""
+        """Report to the guard before a cycle what was seen."""
         if plant.time < self._next:
             return
         if self.throw.mover(plant.time) is None:

@@ -64,7 +64,7 @@ def test_what_is_wanted_now_counts(moving):
 UNDER_WAY = {
     "delay of commands": ({}, True),
     "error of tracking": ({"tracking_error": 0.2}, True),
-    "age that is not told": ({"sensing": 0.05}, False),
+    "age that is unknown": ({"sensing": 0.05}, False),
 }
 
 

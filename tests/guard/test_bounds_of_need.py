@@ -42,7 +42,7 @@ PERIOD = 1e-4
 CASES = {
     "floor": ({}, {"buffer": 0.05}),
     "age": ({}, {"speed": 1.0, "age": 0.1}),
-    "age that is not told": ({"sensing": 0.1}, {"speed": 1.0, "has_time": False}),
+    "age that is unknown": ({"sensing": 0.1}, {"speed": 1.0, "has_time": False}),
     "delay of an order": ({"command": 0.1}, {"speed": 1.0}),
     "period": ({}, {"speed": 1.0, "period": 0.1}),
     "lateness": ({}, {"speed": 1.0, "late": 0.1}),
@@ -134,7 +134,7 @@ def test_a_pair_needs_the_worst_case_of_each_figure_and_no_more(case, which):
 # measurement and of the ball's [s].
 MOVING = {
     "since it was seen": ({}, {"seen": 0.6}),
-    "since it was seen, in a time that is not told": (
+    "since it was seen, in a time that is unknown": (
         {"sensing": 0.2},
         {"has_time": False},
     ),

@@ -89,7 +89,7 @@ STOPS = {
     "delay": ({"command": 0.1}, "command", 1.01),
     "ramp": ({"ramp": 0.1, "command": 0.01}, "ramp", 1.01),
     "stop within its ramp": ({"ramp": 0.5, "command": 0.01}, "ramp", 1.01),
-    "time that is not told": ({"sensing": 0.1}, "sensing", 1.01),
+    "time that is unknown": ({"sensing": 0.1}, "sensing", 1.01),
 }
 
 

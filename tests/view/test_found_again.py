@@ -25,7 +25,7 @@ def heard(page, what):
         message = json.loads(page.recv(timeout=PATIENCE))
         if message["type"] == "state" and what(message):
             return message
-    raise AssertionError("the page was told of nothing of the kind")
+    raise AssertionError("the page got no such state")
 
 
 @pytest.fixture

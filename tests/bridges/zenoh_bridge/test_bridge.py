@@ -30,8 +30,8 @@ LATE = 0.4
 
 ROOT = "armguard/bay"
 
-# A commander that is silent for half a second loses the command. Here a busy machine may
-# cause that; the commander then tries again.
+# A commander that is silent for half a second loses the command. A busy machine may
+# cause that here; the commander then tries again.
 TRIES = 5
 
 

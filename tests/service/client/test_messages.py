@@ -49,7 +49,7 @@ WRONG = {
     "a bye of another version": lambda far: again(far.message(Kind.BYE), 4, "<B", 9),
     "a bye of another length": lambda far: again(far.message(Kind.BYE), 6, "<H", 99),
     "a bye of another session": lambda far: again(far.message(Kind.BYE), 8, "<Q", 6),
-    "somebody's bye": lambda far: again(far.message(Kind.BYE), 24, "<Q", 3),
+    "the bye of another client": lambda far: again(far.message(Kind.BYE), 24, "<Q", 3),
     "an old bye": lambda far: again(far.message(Kind.BYE), 32, "<Q", 1),
     "a bye with another seal": lambda far: flipped(far.message(Kind.BYE), -1),
     "half a heartbeat": lambda far: far.outbox.message(Kind.HEARTBEAT, bytes(8)),

@@ -40,16 +40,16 @@ WRONG: dict[str, tuple[str, Callable[[Forger], bytes]]] = {
     "too many joints": ("joints", lambda f: bytes(f.state(joints=15))),
     "no velocities": ("joints", lambda f: bytes(f.state(flags=1))),
     "half a state": ("payload", lambda f: bytes(f.outbox.message(Kind.STATE, b"1234"))),
-    "half a wish": ("payload", lambda f: bytes(f.outbox.message(Kind.WISH, b"1234"))),
-    "a wish of 13": ("joints", lambda f: bytes(f.desired(np.zeros(13)))),
-    "a wish of no form": ("payload", lambda f: bytes(f.desired(np.zeros(14), 9))),
+    "half a WISH": ("payload", lambda f: bytes(f.outbox.message(Kind.WISH, b"1234"))),
+    "a WISH of 13": ("joints", lambda f: bytes(f.desired(np.zeros(13)))),
+    "a WISH of no form": ("payload", lambda f: bytes(f.desired(np.zeros(14), 9))),
     "twists of no tool": ("joints", lambda f: bytes(f.desired(np.full(7, 99.0), 3))),
     "a tool and a half": ("joints", lambda f: bytes(f.desired(np.full(7, 0.5), 3))),
-    "a wish of NaN": (
+    "a WISH of NaN": (
         "wish_not_finite",
         lambda f: bytes(f.desired(np.full(14, np.nan))),
     ),
-    "an infinite wish": (
+    "an infinite WISH": (
         "wish_not_finite",
         lambda f: bytes(f.desired(np.r_[np.zeros(13), np.inf])),
     ),
