@@ -104,10 +104,10 @@ ROBOTS = ("panda", "ur5", "xarm7", "baxter")
 # Time for the proofs of one robot [s].
 SECONDS = 600.0
 
-# Configurations Coal is asked for, for each pair proven apart.
+# Configurations that Coal judges, for each pair proven apart.
 SAMPLES = 2000
 
-# Configurations around the deepest contact that Coal is asked for where it does not
+# Configurations around the deepest contact that Coal judges where it does not
 # confirm that one, and how far from it they are [rad or m].
 NEIGHBOURS = 5000
 SPREAD = 0.2

@@ -15,7 +15,7 @@ from episodes.kernels import UNKNOWN, is_todays, kernels_of
 from episodes.records import read, versions_of
 from pages import DOCS
 
-# How the figures of a file are measured; PART stands for one of its rows.
+# How the figures of a file are measured; PART is one of its rows.
 COMMANDS = {
     "closed_loop": "make closed-loop",
     "gripping_campaign": 'make gripping ARGS="--kind PART"',

@@ -217,7 +217,7 @@ FILTERED = 0.2
 
 
 def arguments() -> argparse.Namespace:
-    """What the user asks for."""
+    """Options of the user."""
     parser = parser_of(__doc__, 10_000)
     parser.add_argument("--scene", choices=SCENES, help="all if left out")
     parser.add_argument("--mode", choices=("path", "speed"), help="both if left out")

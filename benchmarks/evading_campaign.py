@@ -1,4 +1,4 @@
-"""Evading: things are thrown and pushed at arms, and those that can get out of the way.
+"""Evading: objects are thrown and pushed at arms, which get out of the way if they can.
 
 make evading                              500 episodes each of the bay and two Pandas
 make evading ARGS="--episodes 100 --seconds 600"   some of them, for so long at most
@@ -26,7 +26,7 @@ from pages import DOCS
 
 PLACES = ("bay", "pandas")
 
-# Least share of the things that can be evaded that are to be [-].
+# Least share to be evaded of the objects that can be evaded [-].
 SHARE = 0.95
 
 # How two figures of one name are put together that are no sums.
@@ -40,7 +40,7 @@ EXTREME: Extreme = {
 SPEEDS = (0.4, 0.7, 1.0)
 DISTANCES = (5, 20, 60)
 
-# From this share on, the way of what was hit counts as along the thing's [-].
+# From this share on, the way of what was hit counts as along that of the object [-].
 ALONG = 0.7
 
 
@@ -104,7 +104,7 @@ def near(distance: float) -> str:
 
 
 def share(figures: Figures) -> float:
-    """Share of the things that can be evaded that were [-]."""
+    """Share evaded of the objects that could be [-]."""
     return float(figures["evaded"] / max(figures["evadable"], 1))
 
 

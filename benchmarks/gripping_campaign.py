@@ -8,12 +8,12 @@ It resumes: seeds that were run with the same kernels, plant, operators and judg
 known from docs/gripping_campaign.json, which is written every hundred episodes.
 
 An operator drives a gantry with a gripper through `Guard.filter`. Its plant is late and
-misses its commands by all that the scene declares. In `placing` he picks one of
-several things up among clutter and puts it down where it is free, on a way that is
-proven at rest. In `changing` he is among things 20 mm apart, and changes his mind.
-In `panda` he places with a Panda. In `unintended` he does what nobody means. Judged are
-true states, by closed forms that share nothing with the guard's distances, and those of
-the Panda's own meshes by MuJoCo.
+misses its commands by all that the scene declares. In `placing` one of several objects
+is picked up among clutter and put down where it is free, on a way that is proven at
+rest. In `changing` the grasp target changes among objects 20 mm apart. In `panda` a
+Panda places. In `unintended` no motion is intended to grip. Judged are true states, by
+closed forms that share nothing with the guard's distances, and those of the Panda's own
+meshes by MuJoCo.
 """
 
 import sys

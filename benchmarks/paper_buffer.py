@@ -1,4 +1,4 @@
-"""The paper's stops, and the buffer they ask for: numbers and plot of docs/paper.md.
+"""The paper's stops, and the buffer they require: numbers and plot of docs/paper.md.
 
 python benchmarks/paper_buffer.py
 

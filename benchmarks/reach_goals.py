@@ -34,7 +34,7 @@ TURN = 10
 
 
 def arguments() -> argparse.Namespace:
-    """What the user asks for."""
+    """Options of the user."""
     parser = parser_of(__doc__, 100)
     parser.add_argument("--slides", type=int, default=3, help="slides of a scene")
     parser.add_argument("--scene", choices=SCENES, help="all if left out")

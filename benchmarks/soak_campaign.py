@@ -37,7 +37,7 @@ PERIOD = 1e-3
 # Rows of the motion that is stepped through, and every how many of them is compared.
 ROWS, EVERY = 20_000, 997
 
-# Share of the top speeds an operator asks for [-], for how many cycles of one mind, and
+# Share of the top speeds an operator desires [-], for how many cycles of one mind, and
 # how often a measurement cannot be read.
 SPEED, OF_ONE_MIND, UNREADABLE = 0.3, 500, 10_007
 
@@ -137,15 +137,15 @@ class Filtered(Soak):
     def chunk(self, rng: np.random.Generator, count: int) -> Counter[str]:
         """See `Soak`."""
         found: Counter[str] = Counter()
-        guard, wish = self.guard, np.zeros_like(self.q)
+        guard, desired = self.guard, np.zeros_like(self.q)
         for k in range(count):
             if k % OF_ONE_MIND == 0:
-                wish = SPEED * self.top * rng.uniform(-1.0, 1.0, len(self.q))
+                desired = SPEED * self.top * rng.uniform(-1.0, 1.0, len(self.q))
                 guard.engage()
             q = self.q + np.nan if k % UNREADABLE == 0 else self.q
             try:
                 command = guard.filter(
-                    q, wish, self.time, velocity=self.v, now=self.time
+                    q, desired, self.time, velocity=self.v, now=self.time
                 )
             except Exception as error:  # what is promised is that there is none
                 found[f"raised {type(error).__name__}"] += 1

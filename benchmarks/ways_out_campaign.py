@@ -5,7 +5,7 @@ make ways-out ARGS="--states 500"      some of them
 
 States lie on straight lines between random configurations, where the nearest pair is
 about as near as it may be: up to 4 mm nearer, or up to 2 mm farther. The arms rest
-there. Asked for are the way out that the cues tell, and then each joint alone, both
+there. Requested are the way out that the cues show, and then each joint alone, both
 ways. A way counts as out if what is commanded moves, no pair that was too near comes
 nearer by it, and one of them, if there is any, comes to be farther; that is measured
 anew, at rest. Where none is commanded, `PINCHED` has to be, and the pinch is looked for
@@ -38,10 +38,10 @@ NEARER, FARTHER = 0.004, 0.002
 # Samples of a line on which the limit is looked for, and halvings after that.
 SAMPLES, HALVINGS = 40, 30
 
-# Cycles in which an arm is seen to rest, and in which a way is asked for.
+# Cycles in which an arm is seen to rest, and in which a way is requested.
 REST, ASK = 8, 3
 
-# Share of the top speeds that is asked for [-].
+# Share of the top speeds that is requested [-].
 SPEED = 0.1
 
 # Motion by which it is seen whether a way leads out [rad], and what no way may bring a
@@ -100,14 +100,14 @@ def headroom(guard: Guard, q: Floats) -> dict[tuple[str, str], float]:
 
 
 def commanded(
-    guard: Guard, q: Floats, wish: Floats
+    guard: Guard, q: Floats, desired: Floats
 ) -> tuple[Floats, tuple[Blocked, ...]]:
     """Commands to arms that rest at q and are asked to move."""
     guard.reset()
     still = np.zeros_like(q)
     time = 0.0
     for k in range(REST + ASK):
-        asked = still if k < REST else wish
+        asked = still if k < REST else desired
         command = guard.filter(q, asked, time, velocity=still, now=time)
         time += guard.tables.period
     return command.velocity, tuple(command.blocked.values())
@@ -137,8 +137,8 @@ def judge(guard: Guard, q: Floats, count: Count) -> None:
     guard.reset()
     still = np.zeros_like(q)
     cues = guard.step(q, 0.0, velocity=still, now=0.0).cues
-    wish = SPEED * top * np.concatenate([cue.escape for cue in cues.values()])
-    velocity, blocked = commanded(guard, q, wish)
+    desired = SPEED * top * np.concatenate([cue.escape for cue in cues.values()])
+    velocity, blocked = commanded(guard, q, desired)
     if leads_out(guard, q, velocity):
         count.out_by_cue += 1
         return

@@ -105,8 +105,8 @@ def in_mode(made, mode, period=PERIOD):
             home=robot.home,
             stopping=robot.stopping,
         )
-    for name, thing in made.objects.items():
-        scene.add([*thing.shapes, *thing.surfaces], name=name, pose=thing.pose)
+    for name, item in made.objects.items():
+        scene.add([*item.shapes, *item.surfaces], name=name, pose=item.pose)
     for pair in made.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     return scene

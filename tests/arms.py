@@ -48,7 +48,7 @@ def simple_arm(joints=3, length=0.4, radius=0.04):
 
 
 def wall_scene(**settings):
-    """One arm, and a wall whose face stands at y = 0.5; the mode is "fixed"."""
+    """One arm, and a wall whose face is at y = 0.5; the mode is "fixed"."""
     scene = Scene(**{"mode": "fixed", **settings})
     scene.add_robot(simple_arm(), name="arm")
     scene.add(Box(size=(4.0, 0.2, 2.0)), name="wall", pose=Pose(xyz=(0, 0.6, 0.5)))

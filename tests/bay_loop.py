@@ -1,4 +1,4 @@
-"""The bay with a response, and a loop that drives its arms as a filter tells them."""
+"""The bay with a response, and a loop whose arms follow the commands of a filter."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def bay_guard(box=False, period=0.001, **response):
     """The bay in mode "path", all arms with one response, and a ball not there yet.
 
     Args:
-        box: Whether an open box stands in front of the left arm, its opening towards
+        box: Whether an open box is in front of the left arm, its opening towards
             it.
         period: Time of a cycle [s].
         response: Settings.
@@ -38,8 +38,8 @@ def bay_guard(box=False, period=0.001, **response):
             stopping=robot.stopping,
             response=ResponseSettings(**response),
         )
-    for thing in bare.objects.values():
-        scene.add([*thing.shapes], name=thing.name, pose=thing.pose)
+    for item in bare.objects.values():
+        scene.add([*item.shapes], name=item.name, pose=item.pose)
     for pair in bare.allowances:
         scene.allow(pair.a, pair.b, reason=pair.reason)
     if box:
@@ -79,7 +79,7 @@ def tool_pose(guard, q, name="left"):
 
 
 def wander(loop):
-    """A wish that leads the left arm about in free space for some seconds."""
+    """Desired motion of the left arm about in free space for some seconds."""
     v, t = np.zeros(14), loop.t
     v[LEFT] = 0.4 * np.array(
         [np.sin(t), np.cos(1.3 * t), 0.5, np.sin(2 * t), 0.2, -0.4, 0.3]

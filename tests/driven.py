@@ -1,4 +1,4 @@
-"""An arm that moves as the filter tells it, late and inexactly if wanted."""
+"""An arm that follows the commands of a filter, late and inexactly if wanted."""
 
 from collections import deque
 
@@ -32,9 +32,9 @@ class Driven:
         self.commands = []
         self.q_rows, self.v_rows = [self.q.copy()], [self.v.copy()]
 
-    def cycle(self, wish, form="filter"):
-        """One cycle; `wish` may be a function of the loop."""
-        asked = wish(self) if callable(wish) else wish
+    def cycle(self, desired, form="filter"):
+        """One cycle; `desired` may be a function of the loop."""
+        asked = desired(self) if callable(desired) else desired
         command = getattr(self.guard, form)(self.q, asked, self.t, velocity=self.v)
         self.queue.append(command.velocity)
         self.v = self.queue.popleft() + self.miss * (self.v != 0.0)
@@ -45,10 +45,10 @@ class Driven:
         self.v_rows.append(self.v.copy())
         return command
 
-    def run(self, wish, cycles, form="filter"):
+    def run(self, desired, cycles, form="filter"):
         """Some cycles; the last command."""
         for _ in range(cycles):
-            command = self.cycle(wish, form)
+            command = self.cycle(desired, form)
         return command
 
     @property
@@ -63,7 +63,7 @@ def ball_guard(response="deflect", **options):
 
 
 def wall_guard(response="deflect", joints=3, wall=0.6, **options):
-    """A planar arm and a wall whose face stands at y = `wall`."""
+    """A planar arm and a wall whose face is at y = `wall`."""
     scene = Scene(mode="path", margin=0.1)
     scene.add_robot(
         simple_arm(joints=joints),

@@ -1,4 +1,4 @@
-"""A gantry with a gripper of two fingers, things to grip, and a loop around them."""
+"""A gantry with a gripper of two fingers, objects to grip, and a loop around them."""
 
 from collections import deque
 
@@ -77,9 +77,9 @@ class Loop:
         self.queue = deque([np.zeros_like(self.q)] * delay)
         self.commands, self.rows = [], []
 
-    def cycle(self, wish):
+    def cycle(self, desired):
         """One cycle."""
-        command = self.guard.filter(self.q, wish, self.t, velocity=self.v)
+        command = self.guard.filter(self.q, desired, self.t, velocity=self.v)
         self.queue.append(command.velocity)
         self.v = self.queue.popleft()
         if self.rng is not None:
@@ -103,21 +103,21 @@ class Loop:
         places = [self.guard.q_names.index(name) for name in names]
         target = np.array([goal[name] for name in names])
         for _ in range(longest):
-            wish = np.zeros_like(self.q)
+            desired = np.zeros_like(self.q)
             way = target - self.q[places]
             if np.abs(way).max() <= within and np.abs(self.v[places]).max() < 1e-3:
                 return True
-            wish[places] = gain * way
-            size = np.linalg.norm(wish)
+            desired[places] = gain * way
+            size = np.linalg.norm(desired)
             if size > speed:
-                wish *= speed / size
-            self.cycle(wish)
+                desired *= speed / size
+            self.cycle(desired)
         return False
 
-    def push(self, wish, cycles):
-        """Ask for the same velocities by joint name; the last command."""
+    def push(self, desired, cycles):
+        """Desire the same velocities by joint name; the last command."""
         for _ in range(cycles):
-            command = self.cycle(wish)
+            command = self.cycle(desired)
         return command
 
     @property
@@ -153,8 +153,8 @@ def boxes_at(guard, q, held=None, T_held=None):
             out = side * (CLOSED + at[f"{name}/open_{finger}"])
             middle = hand + np.array([0.0, out, -BELOW])
             found[f"{name}/{finger}"] = (middle - FINGER, middle + FINGER)
-    for name, thing in guard.tables.holds.objects.items():
-        middle = guard.tables.T_parent_joint[thing.body][[3, 7, 11]]
+    for name, item in guard.tables.holds.objects.items():
+        middle = guard.tables.T_parent_joint[item.body][[3, 7, 11]]
         if held and name in held:
             middle = hands[held[name]] + T_held[name]
         found[name] = (middle - BLOCK, middle + BLOCK)

@@ -31,7 +31,7 @@ class Forger:
         payload = STATE.pack(bits, flags, time.monotonic()) + q.tobytes()
         return bytearray(self.outbox.message(Kind.STATE, payload))
 
-    def wish(self, values: np.ndarray, form: int = Form.VELOCITIES) -> bytearray:
+    def desired(self, values: np.ndarray, form: int = Form.VELOCITIES) -> bytearray:
         token = self.client._token
         payload = WISH.pack(token, form, len(values)) + values.tobytes()
         return bytearray(self.outbox.message(Kind.WISH, payload))

@@ -100,7 +100,7 @@ def two_chains(kinds, bases, homes, figures=EXACT, **settings):
 
 
 def pair_of(tables):
-    """The pair of a chain's tip and the ball, as a proof is asked for it.
+    """The pair of a chain's tip and the ball, as a proof gets it.
 
     Args:
         tables: Their compiled scene.

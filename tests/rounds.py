@@ -25,7 +25,7 @@ class Round:
     Attributes:
         levels: Cycles at each level.
         stops: How often an arm was stopped.
-        deflected: Cycles in which the arms were told something else than was asked.
+        deflected: Cycles in which the command differed from the desired motion.
         least: Least distance of a checked pair, as MuJoCo measures it [m].
         moving: Share of the time each arm moved.
         stuck: Longest time each arm stood though its operator led it [s].
@@ -52,8 +52,8 @@ def scene_with(name, response, rate):
 def judge_of(name):
     """MuJoCo on the same scene; nothing may be gripped, hands are what they are."""
     scene = SCENES[name]()
-    for thing in list(scene.objects.values()):
-        scene._objects[thing.name] = replace(thing, graspable=None)
+    for item in list(scene.objects.values()):
+        scene._objects[item.name] = replace(item, graspable=None)
     for robot in list(scene.robots.values()):
         scene._robots[robot.name] = replace(robot, gripper=None)
     return Judge(scene, compile_scene(scene))
@@ -69,19 +69,19 @@ def work(name, response="deflect", seconds=60.0, rate=250.0, seed=1):
     cycles, period = int(seconds * rate), 1.0 / rate
     for k in range(cycles):
         q, v = plant.measure()
-        wish, engages = operator.drive(k * period, q, blocked)
+        desired, engages = operator.drive(k * period, q, blocked)
         for robot in engages:
             guard.engage(robot)
-        command = guard.filter(q, wish, k * period, velocity=v)
+        command = guard.filter(q, desired, k * period, velocity=v)
         blocked, action = command.blocked, command.action
         found.levels[command.verdict.level] += 1
         found.stops += action >= Action.STOP > before
-        found.deflected += bool((np.abs(command.velocity - wish) > 0.05).any())
+        found.deflected += bool((np.abs(command.velocity - desired) > 0.05).any())
         before = action
         for r in range(2):
             own = driver.own(r)
             moves = np.abs(v[own]).max() > MOVES
-            led = np.abs(wish[own]).max() > MOVES
+            led = np.abs(desired[own]).max() > MOVES
             found.moving[r] += moves / cycles
             stood[r] = (
                 stood[r] + period if led and not moves else 0.0 if moves else (stood[r])
@@ -92,7 +92,7 @@ def work(name, response="deflect", seconds=60.0, rate=250.0, seed=1):
     return found
 
 
-def told(found, seconds):
+def summary(found, seconds):
     """A round in one line."""
     total = sum(found.levels.values())
     levels = ", ".join(
@@ -100,7 +100,7 @@ def told(found, seconds):
         for level, n in sorted(found.levels.items())
     )
     return (
-        f"{seconds:.0f} s: {levels}; {found.stops} stops; told less than asked "
+        f"{seconds:.0f} s: {levels}; {found.stops} stops; less than desired "
         f"{100.0 * found.deflected / total:.1f} %; moving "
         f"{np.round(100.0 * found.moving, 1)} %; longest stuck "
         f"{np.round(found.stuck, 2)} s; least {found.least * 1e3:.1f} mm"

@@ -1,4 +1,4 @@
-"""Arms that do at once what a service tells them, at its rate."""
+"""Arms that obey the commands of a service at once, at its rate."""
 
 import time
 from collections.abc import Callable
@@ -37,36 +37,38 @@ class Arms:
         if anew:
             self._begin()
 
-    def drive(self, wish: np.ndarray, cycles: int) -> Answer:
+    def drive(self, desired: np.ndarray, cycles: int) -> Answer:
         """Be controller and commander for some cycles; the last answer."""
         for _ in range(cycles):
             if not self.client.commands:
                 self.client.claim()
             now = self._now()
             answer = self._obey(
-                self.client.cycle(self.q, wish, self.velocity, now, timeout=PATIENCE)
+                self.client.cycle(self.q, desired, self.velocity, now, timeout=PATIENCE)
             )
         return answer
 
-    def drive_until(self, wish: np.ndarray, done: Callable[[Answer], bool]) -> Answer:
+    def drive_until(
+        self, desired: np.ndarray, done: Callable[[Answer], bool]
+    ) -> Answer:
         """The same until an answer is as it is to be."""
-        return until(lambda: self.drive(wish, 1), done)
+        return until(lambda: self.drive(desired, 1), done)
 
-    def lead(self, wish: np.ndarray) -> Answer:
-        """Drive until the wish is followed to the bit.
+    def lead(self, desired: np.ndarray) -> Answer:
+        """Drive until the desired motion is followed to the bit.
 
         A machine that was busy elsewhere for too long has stopped the arms; then they
         are let go of first, as an operator would.
         """
-        still = 0.0 * wish
+        still = 0.0 * desired
 
         def step() -> Answer:
-            answer = self.drive(wish, 1)
+            answer = self.drive(desired, 1)
             if answer.stops:
                 self.drive_until(still, lambda a: not a.stops)
             return answer
 
-        return until(step, lambda a: bool((a.velocity == wish).all()))
+        return until(step, lambda a: bool((a.velocity == desired).all()))
 
     def measure(self) -> Answer:
         """Be only controller, for one cycle."""
@@ -85,7 +87,7 @@ class Arms:
     def _begin(self) -> None:
         """Reset the guard and engage the arms."""
         client = self.client
-        # Whoever was here before has left his arms somewhere else.
+        # The client before this one has left its arms somewhere else.
         with Client(client.port, role=Role.ADMINISTER, every=0) as administrator:
             administrator.connect(PATIENCE)
             administrator.claim(force=True)

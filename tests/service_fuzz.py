@@ -65,7 +65,7 @@ class Fuzzer:
         self._older: list[bytes] = []
         self._makers: tuple[Callable[[], bytes], ...] = (
             self._state,
-            self._wish,
+            self._desired,
             self._call,
             self._claim,
             self._give_back,
@@ -123,12 +123,12 @@ class Fuzzer:
         payload = STATE.pack(bits, flags, stamp) + self._numbers(count)
         return bytes(self._outbox.message(Kind.STATE, payload))
 
-    def _wish(self) -> bytes:
+    def _desired(self) -> bytes:
         rng = self._rng
         count = int(rng.choice([0, 7, 14, 15, 21, 200]))
-        told = count if rng.random() < 0.7 else self._word()
+        stated = count if rng.random() < 0.7 else self._word()
         token = int(rng.integers(2**63))
-        payload = WISH.pack(token, int(rng.integers(6)), told) + self._numbers(count)
+        payload = WISH.pack(token, int(rng.integers(6)), stated) + self._numbers(count)
         return bytes(self._outbox.message(Kind.WISH, payload))
 
     def _call(self) -> bytes:

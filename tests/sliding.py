@@ -15,7 +15,7 @@ from armguard.scene import Scene
 
 RADIUS = 0.05
 
-# Where the second slide and what stands still are, from the first one's zero [m].
+# Where the second slide and the fixed body are, from the first one's zero [m].
 APART = 10.0
 
 # How far a slide goes, and the farthest of its ball from its base [m].
@@ -39,7 +39,7 @@ EXACT = {
 # A measured stop: speeds [m/s], times [s] and ways [m].
 MEASURED = [(v, 0.4 * v, 0.2 * v * v) for v in np.linspace(0.125, 2.0, 16).tolist()]
 
-# How many times the least `sensing` a cycle may be longer where its time is not told.
+# How many times the least `sensing` a cycle may be longer where its time is unknown.
 UNTOLD_CYCLE = 1.0
 
 # Step of a joint that does its worst [s].

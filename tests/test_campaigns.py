@@ -242,7 +242,7 @@ def test_rows_of_other_kernels_are_due(tmp_path):
 
 def test_every_published_file_is_looked_through():
     docs = campaigns_due.DOCS
-    # Proofs have no seeds; `make mutants ARGS=--due` tells what is due of mutants.
+    # Proofs have no seeds; `make mutants ARGS=--due` lists what is due of mutants.
     others = {"allowed-pairs", "mutants"}
     names = {path.stem for path in docs.glob("*.json")} - others
     assert names <= set(campaigns_due.COMMANDS)

@@ -53,14 +53,14 @@ def test_controlled_stops():
             PAGE,
         ).groups(),
     )
-    for speed, reaction, told in (
+    for speed, reaction, stated in (
         (TYPICAL_SPEED, 0.033, least_typical),
         (TYPICAL_SPEED, 0.110, most_typical),
         (TOP_SPEED, 0.033, least_top),
         (TOP_SPEED, 0.110, most_top),
     ):
         needed = INCH * (speed * reaction + speed**2 / (2 * DECELERATION))
-        assert told == pytest.approx(needed, abs=0.05)
+        assert stated == pytest.approx(needed, abs=0.05)
 
 
 def stops_of_the_set():
@@ -99,11 +99,11 @@ def test_one_set_of_figures_reproduces_both_controlled_stops():
         ("all three", lambda s: s.travel, paper_buffer.stop_time),
     ],
 )
-def test_the_parts_of_the_stops_are_as_told(name, way, time):
-    told = row_of(name)
+def test_the_parts_of_the_stops_are_as_stated(name, way, time):
+    stated = row_of(name)
     for k, stop in enumerate(stops_of_the_set().values()):
-        assert told[2 * k] == pytest.approx(way(stop) / paper_buffer.INCH, abs=0.0051)
-        assert told[2 * k + 1] == pytest.approx(time(stop), abs=0.0051)
+        assert stated[2 * k] == pytest.approx(way(stop) / paper_buffer.INCH, abs=0.0051)
+        assert stated[2 * k + 1] == pytest.approx(time(stop), abs=0.0051)
 
 
 def test_the_set_is_the_one_the_page_names():

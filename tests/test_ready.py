@@ -143,7 +143,7 @@ def test_code_is_used_by_processors_that_have_all_it_needs(tmp_path, monkeypatch
     ("name", "value"),
     [("CPU_NAME", "generic"), ("CPU_FEATURES", ""), ("BOUNDSCHECK", 1)],
 )
-def test_code_is_not_used_where_another_kind_is_asked_for(
+def test_code_is_not_used_where_another_kind_is_requested(
     tmp_path, monkeypatch, name, value
 ):
     every_feature(monkeypatch)

@@ -45,14 +45,14 @@ def test_every_repr_is_one_short_line(scene, command):
     robot, item = scene.robots["left"], scene.objects["ball0"]
     rng = np.random.default_rng(0)
     shapes = [kind.example(rng, 0.123) for kind in ag.SHAPES.values()]
-    things = [scene, robot, robot.model, robot.stopping, item, guard, command]
-    things += [command.verdict, ag.Pose(xyz=(0.1, 0.2, 1 / 3)), *shapes]
-    for thing in things:
-        shown = repr(thing)
+    objects = [scene, robot, robot.model, robot.stopping, item, guard, command]
+    objects += [command.verdict, ag.Pose(xyz=(0.1, 0.2, 1 / 3)), *shapes]
+    for one in objects:
+        shown = repr(one)
         assert len(shown) <= 250, shown
         assert "\n" not in shown
         assert " object at 0x" not in shown
-        assert type(thing).__name__.strip("<>") in shown
+        assert type(one).__name__.strip("<>") in shown
 
 
 def test_a_repr_names_what_is_in_it(scene, command):

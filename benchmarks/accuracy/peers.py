@@ -33,7 +33,7 @@ from armguard.geometry import (
 from peers.mujoco_margin import GEOM, placed
 from peers.shapes import along_z, coal_convex, outward_faces, peer_geometry
 
-# Beyond this MuJoCo is not asked for a distance [m].
+# Beyond this MuJoCo computes no distance [m].
 FARTHEST = 1e9
 
 

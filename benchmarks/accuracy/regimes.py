@@ -357,6 +357,6 @@ KIND_PAIRS = [
 
 
 def draw(kind_a: ShapeKind, kind_b: ShapeKind, regime: str, number: int) -> Pair:
-    """The pair with this number; the same one whenever it is asked for."""
+    """The pair with this number; the same one at every call."""
     seed = (int(kind_a), int(kind_b), list(REGIMES).index(regime), number)
     return REGIMES[regime](np.random.default_rng(seed), kind_a, kind_b)

@@ -63,7 +63,7 @@ def delayed(target: Target, arms: Arms, delay: float) -> Row:
 
 
 def growing(target: Target, arms: Arms, times: int) -> Row:
-    """The delay grows while the operator drives; how long motion outlasts his hand."""
+    """The delay grows while the operator drives; how long motion outlasts it."""
     longest, tried, moved = -inf, 0, 0
     for k in range(times):
         pace, most = GROWING[k % len(GROWING)]
@@ -121,7 +121,7 @@ def press(raw: Raw, arms: Arms) -> None:
     """Desire motion once: to and fro, so that nothing is in the way."""
     found = [0.0] * len(arms.q)
     found[0] = SPEED if int(2.0 * time.monotonic()) % 2 else -SPEED
-    raw.say(Kind.WISH, raw.wish(found))
+    raw.say(Kind.WISH, raw.desired(found))
     time.sleep(EVERY)
 
 

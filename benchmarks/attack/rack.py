@@ -57,7 +57,7 @@ class Driver:
     def __init__(self, arms: Arms) -> None:
         self.arms = arms
         self._home, self._way = arms.q[JOINT], 0.0
-        arms.wish = self._wish
+        arms.desired = self._desired
 
     def drive(self) -> bool:
         """Drive until the arm is stopped, then back; whether it did both in time."""
@@ -84,7 +84,7 @@ class Driver:
         """How far the joint is from where it began [rad]."""
         return self.arms.q[JOINT] - self._home
 
-    def _wish(self, t: float) -> list[float]:
+    def _desired(self, t: float) -> list[float]:
         found = [0.0] * len(self.arms.q)
         found[JOINT] = self._way * SPEED
         return found

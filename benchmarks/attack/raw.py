@@ -40,7 +40,7 @@ PATIENCE = 20.0
 
 
 class Heard(NamedTuple):
-    """What a COMMAND tells.
+    """Content of a COMMAND.
 
     Attributes:
         came: When it was received, monotonic [s].
@@ -70,7 +70,7 @@ class Raw:
         scene: Scene that its messages name.
         sequence: Number of its last message.
         token: What the service has granted it; 0 for nothing.
-        welcome: What the service tells of itself.
+        welcome: What the service reports of itself.
         socket: Its socket, which is connected to the service.
 
     Args:
@@ -143,7 +143,7 @@ class Raw:
             except (BlockingIOError, TimeoutError):
                 return None
             except OSError:
-                # Nobody listens there.
+                # No process listens there.
                 time.sleep(0.001)
                 if time.monotonic() >= end:
                     return None
@@ -228,19 +228,19 @@ class Raw:
                     return answer
         raise ConnectionError(f"the call '{call}' has no reply")
 
-    def wish(self, velocities: list[float], token: int | None = None) -> bytes:
+    def desired(self, velocities: list[float], token: int | None = None) -> bytes:
         """The payload of a WISH for velocities."""
         shown = self.token if token is None else token
         count = len(velocities)
         return struct.pack(f"<QII{count}d", shown, 1, count, *velocities)
 
     def state(
-        self, q: list[float], v: list[float], wish: bytes = b"", robots: int = 3
+        self, q: list[float], v: list[float], desired: bytes = b"", robots: int = 3
     ) -> bytes:
         """The payload of a STATE, measured now."""
-        flags = 1 | (2 if wish else 0)
+        flags = 1 | (2 if desired else 0)
         numbers = struct.pack(f"<{2 * len(q)}d", *q, *v)
-        return struct.pack("<IId", robots, flags, time.monotonic()) + numbers + wish
+        return struct.pack("<IId", robots, flags, time.monotonic()) + numbers + desired
 
 
 def sealed(head: bytes, key: bytes) -> bytes:
@@ -249,7 +249,7 @@ def sealed(head: bytes, key: bytes) -> bytes:
 
 
 def heard(message: bytes) -> Heard:
-    """What a COMMAND tells."""
+    """Content of a COMMAND."""
     cause, flags = struct.unpack_from("<HxxxxH", message, SUMMARY_AT + 2)
     joints, robots = struct.unpack_from("<HH", message, SUMMARY_AT + 10)
     (commander,) = struct.unpack_from("<Q", message, SUMMARY_AT + 16)

@@ -64,7 +64,7 @@ WORST = (
 
 
 def scene_to_attack():
-    """A gantry that grips, evades and is led, among things that come and go."""
+    """A gantry that grips, evades and is led, among objects that come and go."""
     scene = Scene(mode="path")
     scene.period = PERIOD
     scene.add_robot(
@@ -109,10 +109,10 @@ class Tape:
         self.checkpoints.append(self.guard.checkpoint())
         self.tape.checkpoint()
 
-    def cycle(self, wish):
+    def cycle(self, desired):
         """One cycle."""
         self.t += PERIOD
-        command = self.tape.filter(self.q, wish, self.t, velocity=self.v, now=self.t)
+        command = self.tape.filter(self.q, desired, self.t, velocity=self.v, now=self.t)
         self.v = command.velocity
         self.q = self.q + self.v * PERIOD
 
@@ -121,12 +121,12 @@ class Tape:
         names = [name.split("/")[1] for name in self.guard.q_names]
         own = [names.index(name) for name in goal]
         for _ in range(3000):
-            wish = np.zeros_like(self.q)
-            wish[own] = 8.0 * (np.array([*goal.values()]) - self.q[own])
-            if np.abs(wish).max() < 1e-3 and np.abs(self.v).max() < 1e-3:
+            desired = np.zeros_like(self.q)
+            desired[own] = 8.0 * (np.array([*goal.values()]) - self.q[own])
+            if np.abs(desired).max() < 1e-3 and np.abs(self.v).max() < 1e-3:
                 break
-            wish *= min(1.0, speed / np.linalg.norm(wish))
-            self.cycle(wish)
+            desired *= min(1.0, speed / np.linalg.norm(desired))
+            self.cycle(desired)
 
     def drive(self):
         """All that a recording can hold."""

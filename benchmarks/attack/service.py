@@ -26,7 +26,7 @@ BURST = 32
 # Longest wait until those are read [s].
 READ = 0.05
 
-# A speed that nobody but an attacker desires [rad/s].
+# A speed that only an attacker desires [rad/s].
 FORGED = 0.5
 
 # Clients of each role that attack at a time: the service does some calls of each only.
@@ -39,7 +39,7 @@ ELSEWHERE = "elsewhere"
 GUESSES = (b"armguard", b"armguard-public-", bytes(16), b"0123456789abcdef")
 
 # Another user of the machine.
-NOBODY = 65534
+OTHER_USER = 65534
 
 # Far from everything, as a pose.
 AWAY = [[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
@@ -128,10 +128,10 @@ def burst(target: Target, messages: Iterator[tuple[Raw, bytes]]) -> int:
 
 
 def lies(raw: Raw, arms: Arms, rng: Random) -> Iterator[tuple[Raw, bytes]]:
-    """What somebody sends who knows all but a key: of each kind, under any number.
+    """Messages of an attacker that knows all but a key: of each kind, under any number.
 
     Args:
-        raw: Who sends it, with keys that are wrong.
+        raw: The client that sends them, with keys that are wrong.
         arms: Whose number, session, scene and token are known.
         rng: Which of them.
     """
@@ -153,8 +153,8 @@ def lies(raw: Raw, arms: Arms, rng: Random) -> Iterator[tuple[Raw, bytes]]:
                 (Kind.HELLO, struct.pack("<II16s", role, 1, cookie) + b"stranger"),
                 (Kind.CLAIM, struct.pack("<II", 1, 0)),
                 (Kind.GIVE_BACK, struct.pack("<Q", token)),
-                (Kind.STATE, raw.state(arms.q, forged, raw.wish(forged, token))),
-                (Kind.WISH, raw.wish(forged, token)),
+                (Kind.STATE, raw.state(arms.q, forged, raw.desired(forged, token))),
+                (Kind.WISH, raw.desired(forged, token)),
                 (Kind.CALL, raw.calling("remove", name="rack")),
                 (Kind.CALL, raw.calling("engage")),
                 (Kind.STOP, b""),
@@ -195,8 +195,8 @@ def other_user(target: Target, arms: Arms, count: int) -> Row:
     if child == 0:
         try:
             os.setgroups([])
-            os.setgid(NOBODY)
-            os.setuid(NOBODY)
+            os.setgid(OTHER_USER)
+            os.setuid(OTHER_USER)
             opened = sum(map(opens, secret))
             with Raw(target.port, bytes(16)) as raw:
                 messages = lies(raw, arms, Random(2))
@@ -254,15 +254,18 @@ def beyond_role(target: Target, arms: Arms, role: int, count: int) -> Row:
                 call, arguments = next(orders)
                 claims = struct.pack("<II", 1, 0)
                 yield raw, raw.message(Kind.CLAIM, claims)
-                yield raw, raw.message(Kind.WISH, raw.wish(forged, token))
-                state = raw.state(arms.q, forged, raw.wish(forged, token))
+                yield raw, raw.message(Kind.WISH, raw.desired(forged, token))
+                state = raw.state(arms.q, forged, raw.desired(forged, token))
                 yield raw, raw.message(Kind.STATE, state)
                 yield raw, raw.message(Kind.GIVE_BACK, struct.pack("<Q", token))
                 yield raw, raw.message(Kind.CALL, raw.calling(call, **arguments))
                 # Under the commander's number, with a key that is good for less.
                 lie = {"sender": arms.raw.sender, "sequence": arms.raw.sequence + 5}
                 other = crowd[(k + 1) % CROWD]
-                yield other, other.message(Kind.WISH, other.wish(forged, token), **lie)
+                yield (
+                    other,
+                    other.message(Kind.WISH, other.desired(forged, token), **lie),
+                )
 
         paced(target, messages(), lambda: ledger.refused >= count)
         had = ledger.had()
@@ -301,7 +304,7 @@ def fixtures(target: Target, arms: Arms, count: int) -> Row:
 
 def fixed() -> list[str]:
     """Names of the fixtures of the bay: they have no top speed."""
-    return [name for name, thing in bay_scene().objects.items() if not thing.top_speed]
+    return [name for name, item in bay_scene().objects.items() if not item.top_speed]
 
 
 def replayed_hellos(folder: Path, count: int) -> Row:

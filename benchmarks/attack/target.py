@@ -119,13 +119,13 @@ class Arms:
     Attributes:
         raw: The client it talks by.
         q: Positions of its arms [rad].
-        sent: States it has sent, each with a wish if it commands.
+        sent: States it has sent, each with desired motion if it commands.
         calls: Calls it has sent.
         answers: What it has heard last, if `keeps`.
         trace: Positions it was in, if `keeps`.
-        wish: Desired velocities of all joints; may be changed at any time.
-        strange: Answers with another commander, or that move an arm which nobody
-            wants to move, or whose velocity is not finite.
+        desired: Desired velocities of all joints; may be changed at any time.
+        strange: Answers with another commander, or that move an arm that is to
+            rest, or whose velocity is not finite.
         moving: Answers that moved an arm.
         moved_at: When the last such answer came, monotonic [s].
         silent: States that had no answer in time.
@@ -134,7 +134,7 @@ class Arms:
 
     Args:
         raw: See there.
-        still: First of the joints that nobody wants to move.
+        still: First of the joints that are to rest.
         engages: See there.
         commands: Whether it desires anything at all.
         keeps: Whether it keeps all answers and positions.
@@ -155,7 +155,7 @@ class Arms:
         self.engages, self._keeps = engages, keeps
         self.q = [float(x) for x in start or raw.welcome["home"]]
         self.v = [0.0] * len(self.q)
-        self.wish: Callable[[float], list[float]] = self.sway
+        self.desired: Callable[[float], list[float]] = self.sway
         self.sent = self.calls = self.strange = self.moving = self.silent = 0
         self.answers: list[Heard] = []
         self.moved_at = 0.0
@@ -209,8 +209,8 @@ class Arms:
     def _cycle(self) -> None:
         raw = self.raw
         began = time.monotonic()
-        wish = raw.wish(self.wish(began)) if self._commands else b""
-        raw.say(Kind.STATE, raw.state(self.q, self.v, wish))
+        desired = raw.desired(self.desired(began)) if self._commands else b""
+        raw.say(Kind.STATE, raw.state(self.q, self.v, desired))
         self.sent += 1
         message = raw.hear(Kind.COMMAND, 0.1)
         if message is None:

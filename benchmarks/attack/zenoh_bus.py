@@ -50,7 +50,7 @@ FORGED = 9.75
 def opened(
     mode: str, listen: tuple[str, ...], connect: tuple[str, ...]
 ) -> Iterator[Any]:
-    """A session of Zenoh that finds nobody by itself."""
+    """A session of Zenoh that finds no peer by itself."""
     config = zenoh.Config()
     for key, value in (
         ("mode", mode),
@@ -236,26 +236,26 @@ class Attacker:
                 )[k % 9],
             )
 
-    def wishes(self, count: int) -> None:
+    def desired_motions(self, count: int) -> None:
         """Forge, replay and move what the commander says."""
-        wish, state = f"{ROOT}/wish/velocities", f"{ROOT}/state"
+        topic, state = f"{ROOT}/wish/velocities", f"{ROOT}/state"
         for k in range(count):
-            payload, seal = self._loot.sent[wish]
+            payload, seal = self._loot.sent[topic]
             other, moved = self._loot.sent[state]
             forged = payload.replace(b"0.0", str(FORGED).encode())
-            observer = sealed(self._key, 1, 1, wish, forged, seal)
-            commander = sealed(self._key, 3, 1, wish, forged, seal)
+            observer = sealed(self._key, 1, 1, topic, forged, seal)
+            commander = sealed(self._key, 3, 1, topic, forged, seal)
             self._put(
                 k,
                 *(
-                    (wish, forged, None),
-                    (wish, forged, seal),
-                    (wish, payload, seal),
+                    (topic, forged, None),
+                    (topic, forged, seal),
+                    (topic, payload, seal),
                     (state, other, moved),
-                    (wish, other, moved),
+                    (topic, other, moved),
                     (f"{ROOT}/wish/positions", payload, seal),
-                    (wish, forged, observer),
-                    (wish, forged, commander),
+                    (topic, forged, observer),
+                    (topic, forged, commander),
                     (f"{ROOT}/stop", b"{}", None),
                 )[k % 9],
             )
@@ -331,7 +331,7 @@ def attack(mode: str, count: int, target: Target, log: IO[bytes]) -> dict[str, i
             assert time.monotonic() < end, victims.counts
             time.sleep(0.05)
         attacker.commands(count)
-        attacker.wishes(count)
+        attacker.desired_motions(count)
         attacker.claims(count)
         victims.settle()
         sent, counts = victims.tap.count, victims.counts

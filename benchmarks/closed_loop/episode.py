@@ -312,8 +312,8 @@ class Episode(Drives):
         """What the operator desires now, within the limits of the joints.
 
         Args:
-            thinks: Whether he looks at the world again.
-            free: Whether each joint's arm is his, shape (n,).
+            thinks: Whether the operator looks at the world again.
+            free: Whether the operator has the arm of each joint, shape (n,).
         """
         arena = self.arena
         if thinks:

@@ -181,12 +181,14 @@ class ExactWorld:
         """Whether a joint is prismatic."""
         return "Prismatic" in self._model.joints[joint].shortname()
 
-    def _chain(self, thing: Any) -> dict[int, float]:
+    def _chain(self, geometry_object: Any) -> dict[int, float]:
         """Joints that carry a shape, and how far it may be from each one's axis [m]."""
-        thing.geometry.computeLocalAABB()
-        centre = thing.placement.act(np.array(thing.geometry.aabb_center))
-        far = float(np.linalg.norm(centre)) + thing.geometry.aabb_radius
-        joint, found = int(thing.parentJoint), {}
+        geometry_object.geometry.computeLocalAABB()
+        centre = geometry_object.placement.act(
+            np.array(geometry_object.geometry.aabb_center)
+        )
+        far = float(np.linalg.norm(centre)) + geometry_object.geometry.aabb_radius
+        joint, found = int(geometry_object.parentJoint), {}
         while joint > 0:
             slides = self._slides(joint)
             found[joint] = 1.0 if slides else far

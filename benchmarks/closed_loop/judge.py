@@ -70,7 +70,7 @@ class Judge:
         self._pos = self.model.body_pos.copy()
         self._quat = self.model.body_quat.copy()
         self._tips = last_bodies(built)
-        # Views of what MuJoCo writes: to ask for one takes longer than to use it.
+        # Views of what MuJoCo writes: to make one takes longer than to use it.
         self._qpos, self._xpos = self.data.qpos, self.data.xpos
         self._axes, self._anchors = self.data.xaxis, self.data.xanchor
         self._body_pos = self.model.body_pos

@@ -9,7 +9,7 @@ from arrays import Floats
 # Shortest and longest time between two changes of mind of an object [s].
 MIND = (0.1, 0.6)
 
-# How often an object bounces, comes at an arm, or stands for a while.
+# How often an object bounces, comes at an arm, or rests for a while.
 WAYS = ("bounce", "home", "rest")
 SHARES = (0.35, 0.5, 0.15)
 

@@ -1,4 +1,4 @@
-"""Operators that try to cause contact: the velocities they ask for."""
+"""Operators that try to cause contact: the velocities that they desire."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,14 +14,14 @@ from closed_loop.truth import pick
 # Joints with less room than this, grippers, are left alone [rad or m].
 ROOM = 0.1
 
-# Nobody asks for more than brings a joint to rest this far from its limits [rad or m].
+# No desired velocity lets a joint come nearer to its limits than this [rad or m].
 LIMIT_MARGIN = 0.05
 
 # A joint counts as one that moves a pair from this change of its distance on [m/rad].
 MOVES = 1e-2
 
-# Who chases looks at so many of the nearest pairs when he chooses; he takes another one
-# when his has not become nearer by so much [m] for so long [s].
+# A chaser chooses one of so many nearest pairs, and another one when that pair has not
+# become nearer by so much [m] for so long [s].
 CONSIDERED = 40
 PROGRESS = 0.001
 PATIENCE = 0.12
@@ -47,7 +47,7 @@ class View:
 
 
 class Operator(Protocol):
-    """Asks for velocities."""
+    """Source of desired velocities."""
 
     def desired(self, view: View) -> Floats:
         """Desired velocities in shares of the top speeds, in [-1, 1], shape (n,)."""
@@ -228,10 +228,10 @@ class Mixed:
 def within_limits(
     asked, shares, first, velocity, q, lower, upper, deceleration, desired
 ):
-    """Velocities an operator has his way with: slowed down, within the joint limits.
+    """Desired velocities that a robot can follow: slowed down, within the joint limits.
 
     Args:
-        asked: What is asked for, in shares of the top speeds, shape (n,) [-].
+        asked: Desired velocities, in shares of the top speeds, shape (n,) [-].
         shares: Share of that each arm may have, shape (a,) [-].
         first: First joint of each arm, and n, shape (a + 1,).
         velocity: Top speeds, shape (n,).
@@ -281,7 +281,7 @@ SPEEDS = {1.0: 0.6, 0.5: 0.2, 0.2: 0.12, 0.05: 0.08}
 # How often the arms have different operators.
 MIXED = 0.25
 
-# How often an operator slows down as much as the guard asks for.
+# How often an operator slows down as much as the guard recommends.
 OBEDIENT = 0.4
 
 

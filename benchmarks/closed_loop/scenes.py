@@ -91,8 +91,8 @@ def bare_scene(name: str) -> Scene:
         return two_pandas()
     scene = bay_scene()
     if name == "movers":
-        for thing, (shape, xyz) in MOVERS.items():
-            scene.add(shape, name=thing, pose=Pose(xyz=xyz))
+        for item, (shape, xyz) in MOVERS.items():
+            scene.add(shape, name=item, pose=Pose(xyz=xyz))
     return scene
 
 

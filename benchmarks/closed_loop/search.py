@@ -94,7 +94,7 @@ class Search:
     """Looks for futures in which a pair comes nearer than the floor.
 
     A future is: the operator goes on until the next order could take effect, then all
-    arms stop. He and the stops may do whatever the figures allow.
+    arms stop. Operator and stops may do whatever the figures allow.
 
     Args:
         world: Distances.
@@ -281,7 +281,7 @@ class Search:
     def _end_of(self, k: int, rows: Floats) -> int:
         """The last state in which an arm of a pair still moves.
 
-        What comes after it is the doing of objects, if of anybody.
+        Contacts after it are caused by objects only.
         """
         own = self.world.reach[k] > 0.0
         moves = np.abs(np.diff(rows[:, own], axis=0)).max(axis=1) > 0.0
@@ -366,7 +366,7 @@ class Reference(Guarding):
     """Stops the arms of a pair as soon as some admissible future breaks its floor.
 
     Far too slow for a loop. It stops later than a guard may that has to prove what this
-    one only samples: what it lets through is the most that can be asked for.
+    one only samples: what it lets through is the most that can be required.
 
     Args:
         scene: The scene.

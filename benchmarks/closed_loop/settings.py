@@ -112,7 +112,7 @@ class Setting:
         profile: Figures of all its arms, a name in `PROFILES` or `SERVO_PROFILES`.
         period: Time from one cycle to the next [s].
         late: How much later a cycle may come [s].
-        floor: Distance to be kept beside what the figures ask for [m].
+        floor: Distance to be kept beside what the figures require [m].
         top_speed: Greatest speed of objects that move [m/s].
         changes: Figures other than the profile's.
     """
@@ -134,7 +134,7 @@ class Setting:
 
     @property
     def name(self) -> str:
-        """One word that tells settings apart."""
+        """One word that identifies the settings."""
         numbers = (self.period, self.late, self.floor, self.top_speed)
         times = "-".join(f"{1e3 * x:g}" for x in numbers)
         changes = "".join(f",{k}={v}" for k, v in sorted(self.changes.items()))
@@ -245,7 +245,7 @@ class Plan:
         weak_brake: Factor on the plant's decelerations [-].
         floor: Distance to be kept, in place of the settings' [m], or None.
         duration: Longest time of an episode [s].
-        needless: Whether every stop is searched for a future that asked for it.
+        needless: Whether every stop is searched for a future that needed it.
         plant: "exact" for double integrators, "torque" for arms in MuJoCo that follow
             them with motors of limited torque.
         swing: "onwards" if joints swing beyond their rest only, "both" if back as well.
@@ -265,7 +265,7 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """One word that tells plans apart; the name of a file."""
+        """One word that identifies the plan; the name of a file."""
         parts = [self.scene, self.mode, self.guard]
         parts += [f"zero-{self.zero}"] if self.zero else []
         parts += [f"large-{self.large}"] if self.large else []

@@ -149,7 +149,7 @@ def heaviest_payload(
 ) -> float:
     """Heaviest payload with which motors keep the declared figures anywhere [kg].
 
-    The torques that a state needs are affine in the mass, so two masses tell all.
+    The torques that a state needs are affine in the mass, so two masses determine them.
 
     Args:
         model: The model.

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from armguard.robot.stopping import StoppingFigures
 from arrays import Floats
 
-# A stop of which nobody knows the greatest deceleration is up to this many times
+# A stop of unknown greatest deceleration is up to this many times
 # stronger than its least [-].
 UNKNOWN = 5.0
 
@@ -39,7 +39,7 @@ class Styles:
         errors: Of measurements: "adverse", largest, towards "farther and slower";
             "bias", largest, one sign for the episode; "noise"; "alternating", largest,
             the other sign each cycle; "quiet", as "adverse", but it drifts there, and
-            nothing seems to move that stands; "none".
+            nothing at rest seems to move; "none".
         full: Whether acceleration, speed and displacements are the declared ones.
     """
 
@@ -64,7 +64,7 @@ class Styles:
 
 
 def pick(rng: np.random.Generator, weights: Mapping[Any, float]) -> Any:
-    """One of some things, by weight."""
+    """One of some choices, by weight."""
     shares = np.array(list(weights.values()))
     return list(weights)[int(rng.choice(len(shares), p=shares / shares.sum()))]
 

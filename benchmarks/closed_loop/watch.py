@@ -11,7 +11,7 @@ from closed_loop.judge import Judge
 from closed_loop.judge_model import SIGHT
 from closed_loop.settings import SUBSTEP
 
-# A state is judged anew once things may have moved by this share of the distance found
+# A state is judged anew once bodies may have moved by this share of the distance found
 # last, or be nearer than NEAR [m]: no contact can hide between two judged states.
 SHARE = 0.1
 NEAR = 0.02
@@ -126,10 +126,10 @@ def nearest_of(
 
 
 class Watch:
-    """Judges as many states of an episode as their motion asks for.
+    """Judges as many states of an episode as their motion requires.
 
     A pair counts at a moment if an arm of it moved in the substep before: an object
-    that runs into an arm at standstill is not the guard's doing. An arm that leaves
+    that runs into an arm at standstill is not the guard's fault. An arm that leaves
     what is too near can be met by an object as it could at rest. Such a meeting counts
     as a contact if the same object does not touch the same arm resting where it rested
     last; else it is counted by itself. The pair counts again when they are apart.
@@ -303,7 +303,7 @@ class Watch:
         )
 
     def judge_meetings(self, p_rows: Floats) -> None:
-        """Tell meetings from contacts by the resting arm; at the end of an episode.
+        """Separate meetings from contacts by the resting arm; at the end of an episode.
 
         Args:
             p_rows: Where the moving objects were in each state of the episode, shape

@@ -229,7 +229,7 @@ def command(says: str | None) -> argparse.ArgumentParser:
 
 
 def parser_of(says: str | None, count: int) -> argparse.ArgumentParser:
-    """What every campaign of episodes can be asked for.
+    """Options of every campaign of episodes.
 
     Args:
         says: What the command says of itself.

@@ -98,7 +98,7 @@ class Follower(Arms):
         return time + self._age * self.substep
 
     def drive(self, desired: Floats) -> Command:
-        """One cycle in which velocities of all joints are asked for, shape (n,)."""
+        """One cycle with desired velocities of all joints, shape (n,)."""
         q, v = self._past[0]
         self.measured = q + self.noise("position_error")
         stamp, now = self.time, self.clock(self.time)

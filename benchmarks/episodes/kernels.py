@@ -10,7 +10,7 @@ from armguard.kernel import kernel_digest
 # kernels of their own, which change no episode.
 GUARD = ("geometry", "robot", "scene", "index", "motion", "prove", "guard", "respond")
 
-# What a row tells whose kernels nobody wrote down.
+# In a row whose kernels were not written down.
 UNKNOWN = "not recorded"
 
 

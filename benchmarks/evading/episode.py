@@ -89,7 +89,7 @@ CLASS = 10
 
 
 class Sight:
-    """Who sees the projectile now and then, late, and tells the guard.
+    """A sensor that sees the projectile now and then, late, and reports to the guard.
 
     Args:
         guard: The guard.
@@ -101,8 +101,8 @@ class Sight:
         self.guard, self.throw, self.rng = guard, throw, rng
         self._next, self._seen = BEFORE, BEFORE
 
-    def tell(self, plant: Plant) -> None:
-        """Tell the guard before a cycle what was seen."""
+    def report(self, plant: Plant) -> None:
+        """Report to the guard before a cycle what was seen."""
         if plant.time < self._next:
             return
         if self.throw.mover(plant.time) is None:
@@ -144,7 +144,7 @@ def run_episode(name: str, seed: int, *, evade: bool = True) -> dict[str, Any]:
     while plant.time < throw.duration:
         if plant.time <= BEFORE:
             first = (BEFORE, plant.q, plant.v)
-        sight.tell(plant)
+        sight.report(plant)
         plant.drive(throw.desired(plant.time))
         place.judge.look(plant.q, throw.mover(plant.time), plant.time, found)
     search = Search(place, throw, first, rng)

@@ -128,7 +128,7 @@ class Judge(PairJudge):
             found.others = min(found.others, distance)
 
 
-# Time from one cycle to the next [s], and the distance that is asked for [m].
+# Time from one cycle to the next [s], and the distance that is required [m].
 PERIOD, BUFFER = 0.004, 0.005
 
 # What comes, by name, and where it is while it is not there [m].

@@ -36,7 +36,7 @@ START_CLEAR, WAY_CLEAR, ARM_CLEAR = 0.04, 0.01, 0.1
 # Step at which a way is looked at [m], and how far away it is looked for at most [m].
 STEP, FARTHEST = 0.01, 3.0
 
-# An operator at work: share of the top speeds, and time until he is back [s].
+# An operator at work: share of the top speeds, and time until it is back [s].
 WORK, BACK = (0.02, 0.1), (1.5, 4.0)
 
 # Share of the episodes in which the arm is at work [-].
@@ -51,8 +51,8 @@ class Throw:
         projectile: What.
         robot: Number of the arm.
         q: Joint positions at the beginning, shape (n,) [rad or m].
-        sway: Greatest velocities the operator asks for, shape (n,) [rad/s or m/s].
-        back: Time until his motion comes back [s].
+        sway: Greatest velocities the operator desires, shape (n,) [rad/s or m/s].
+        back: Time until this motion comes back [s].
         begin: Where the projectile is when it is first seen, shape (3,) [m].
         velocity: Its velocity, shape (3,) [m/s].
         until_hit: Time until it touches the arm if that goes on as asked [s].
@@ -80,7 +80,7 @@ class Throw:
         return float(np.sqrt(self.velocity @ self.velocity))
 
     def desired(self, time: float) -> Floats:
-        """What the operator asks for, shape (n,) [rad/s or m/s]."""
+        """What the operator desires, shape (n,) [rad/s or m/s]."""
         return self.sway * np.sin(2.0 * pi * time / self.back)
 
     def nominal(self, time: float) -> Floats:
@@ -126,7 +126,7 @@ def drawn_throw(
     """A throw at an arm that rests or works where nothing is near.
 
     Its way is free of all that is fixed and of the other arm, and it begins where it
-    touches nobody.
+    touches no body.
     """
     while True:
         throw = tried(rng, place, projectile, speed)

@@ -28,10 +28,10 @@ OF_ONE_AIM, OF_ONE_CHECKPOINT = 200, 25
 AGE = 1e-3
 
 # How an operator goes to an aim: speed by what is left of the way [1/s], how far ahead
-# of the robot he asks for positions [s], and his twists [m/s and rad/s].
+# of the robot it desires positions [s], and its twists [m/s and rad/s].
 GAIN, AHEAD, TWIST = 2.0, 0.1, 0.3
 
-# Acceleration of arms that nobody commands [rad/s² or m/s²], and how much harder they
+# Acceleration of arms without a command [rad/s² or m/s²], and how much harder they
 # stop than they are declared to.
 SOFTEST, HARDER = 3.0, 1.2
 
@@ -45,7 +45,7 @@ class Input:
         velocity: Measured velocities, shape (n,) [rad/s or m/s]; None if not given.
         stamp: When they were measured [s].
         now: Time of the cycle [s]; None if not given.
-        desired: What the operator asks for, shape (n,), or twists by tool.
+        desired: Velocities or positions, shape (n,), or twists by tool.
     """
 
     q: Any
@@ -66,7 +66,7 @@ class Play:
         form: What the guard is asked.
         period: Time from one cycle to the next [s].
         seed: Of all that is drawn.
-        speed: Greatest velocity an operator asks for, of all joints or of each [rad/s
+        speed: Greatest velocity an operator desires, of all joints or of each [rad/s
             or m/s].
         reach: How far from home an operator aims [rad or m].
         velocities: Whether velocities are measured, or left to be estimated.
@@ -145,7 +145,7 @@ class Drive:
             yield found
 
     def given(self) -> Input:
-        """What is measured and asked for."""
+        """What is measured and desired."""
         lower, upper = self.guard.tables.lower, self.guard.tables.upper
         if self.k % OF_ONE_AIM == 1:
             self.begin_again()
@@ -187,7 +187,7 @@ class Drive:
         guard, form = self.guard, self.play.form
         times = {"velocity": given.velocity, "now": given.now}
         if form == "step":
-            # Where no stop is predicted, nothing but positions is asked for.
+            # Where no stop is predicted, nothing but positions is desired.
             if not guard.tables.robots[0].mode == "fixed":
                 return guard.step(given.q, given.stamp, **times), None
             return guard.step(given.q), None

@@ -20,7 +20,7 @@ from golden.fields import parts_of
 
 Floats = NDArray[np.float64]
 
-# Sizes of what stands before and after a payload [bytes], and of a recording in memory.
+# Sizes of header and seal of a payload [bytes], and of a recording in memory.
 HEAD, SEAL, RING = 48, 16, 8 << 20
 
 PERIOD, ME, TOKEN_OF_ME, BEGIN = 0.004, 7, 2**62 + 1, 10**12
@@ -32,7 +32,7 @@ class WirePlay:
 
     Attributes:
         name: Its name.
-        form: What the operator's messages ask for.
+        form: Form of the motion that the operator desires.
         cycles: How many cycles.
         seed: Of all that is drawn.
     """

@@ -1,9 +1,9 @@
-"""An operator among things that stand side by side changes his mind, again and again.
+"""An operator among objects side by side changes the grasp target, again and again.
 
-At any time he turns to another thing, or to another way of driving: slowly from above,
-as one who wants to grip; at speed, straight at it; with the back of the hand; or with
-closed fingers. Now and then he drives with the stick at random: what that leads slowly
-to he cannot but mean.
+At any time the operator turns to another object, or to another way of driving: slowly
+from above, to grip; at speed, straight at it; with the back of the hand; or with closed
+fingers. Now and then the stick moves at random: an object to which that leads slowly
+counts as intended.
 """
 
 from dataclasses import dataclass
@@ -19,44 +19,43 @@ from gripping.judge import FINGERS, Judge
 from gripping.plant import Plant
 from gripping.workplace import GANTRY, PERIOD, box, gaps, side_by_side
 
-# How long he is of one mind, and how long an episode is [s].
-OF_ONE_MIND, DURATION = (0.1, 5.0), 15.0
+# How long an intent lasts, and how long an episode is [s].
+INTENT_TIME, DURATION = (0.1, 5.0), 15.0
 
-# Height above things at which he goes from one to another [m].
+# Height above objects at which the hand goes from one to another [m].
 OVER = 0.06
 
-# How near above a thing he has to be before he goes down to it [m].
+# How near above an object the hand has to be before it goes down [m].
 ALIGNED = 0.003
 
-# Who turned to another thing still means the one he was at until his fingers have been
-# this far from it [m].
+# A former target stays intended until the fingers have been this far from it [m].
 CLEAR = 0.008
 
-# How far fingers are open that he has closed [m].
+# How far closed fingers are open [m].
 NARROW = 0.006
 
-# A stick at random means what the straight way of the middle between the fingers leads
-# to, this near to it and within this length, if it is no faster than that: what the
-# scene declares [m, m, m/s].
+# A stick at random intends an object if the straight way of the middle between the
+# fingers passes this near to it within this length, no faster than that: figures that
+# the scene declares [m, m, m/s].
 AIM, AHEAD, SLOW = 0.01, 0.1, 0.1
 
-# He lets go of an arm that was stopped for this long [s].
+# The operator lets go of an arm that was stopped for this long [s].
 STOPPED = 0.2
 
-# Share of his minds by way of driving [-].
+# Share of intents by way of driving [-].
 WAYS = {"grip": 0.6, "speed": 0.15, "hand": 0.1, "closed": 0.1, "random": 0.05}
 
 
 @dataclass
-class Mind:
-    """What an operator wants.
+class Intent:
+    """Intent of an operator.
 
     Attributes:
-        target: The thing.
-        way: How he drives, a key of `WAYS`.
+        target: The object.
+        way: Way of driving, a key of `WAYS`.
         speed: How fast [m/s].
-        until: Cycle in which he changes it.
-        stick: Velocity of the hand where he drives at random, shape (3,) [m/s].
+        until: Cycle in which it changes.
+        stick: Velocity of the hand where the stick moves at random, shape (3,) [m/s].
     """
 
     target: str
@@ -66,13 +65,13 @@ class Mind:
     stick: Floats
 
 
-class Fickle:
+class ChangingOperator:
     """The operator.
 
     Args:
-        guard: The guard he drives through.
-        judge: What he sees: where things are.
-        rng: Draws what he wants.
+        guard: The guard between operator and arm.
+        judge: What the operator sees: where objects are.
+        rng: Draws the intents.
     """
 
     def __init__(self, guard: Guard, judge: Judge, rng: np.random.Generator) -> None:
@@ -80,34 +79,34 @@ class Fickle:
         self.judge = judge
         self.rng = rng
         self.names = [n for n in judge.solids if n != "table"]
-        self.mind = self.another(0)
-        # Things his fingers may touch: what he wants, and what he has not left yet.
-        self.intended = {self.mind.target}
+        self.intent = self.another(0)
+        # Objects the fingers may touch: the target, and those they have not left yet.
+        self.intended = {self.intent.target}
         self.changes = 0
 
-    def another(self, cycle: int) -> Mind:
-        """Another thing, or another way of driving."""
+    def another(self, cycle: int) -> Intent:
+        """Another object, or another way of driving."""
         rng = self.rng
         way = str(rng.choice(list(WAYS), p=list(WAYS.values())))
         slow = way in ("grip", "closed") or rng.random() < 0.3
         speed = rng.uniform(0.04, 0.09) if slow else rng.uniform(0.1, 0.8)
-        for_cycles = rng.uniform(*OF_ONE_MIND) / PERIOD
+        for_cycles = rng.uniform(*INTENT_TIME) / PERIOD
         stick = speed * rng.uniform(-1.0, 1.0, 3)
         target = str(rng.choice(self.names))
-        return Mind(target, way, speed, cycle + int(for_cycles), stick)
+        return Intent(target, way, speed, cycle + int(for_cycles), stick)
 
     def cycle(self) -> None:
-        """One cycle; before it he may change his mind."""
+        """One cycle; before it the intent may change."""
         k = len(self.plant.rows)
-        if k >= self.mind.until:
+        if k >= self.intent.until:
             self.look()
-            self.mind = self.another(k)
-            if self.mind.way != "random":
-                self.intended.add(self.mind.target)
+            self.intent = self.another(k)
+            if self.intent.way != "random":
+                self.intended.add(self.intent.target)
             self.changes += 1
         desired = self.desired()
-        if self.mind.way == "random":
-            # From now on he may touch these as well.
+        if self.intent.way == "random":
+            # From now on the fingers may touch these as well.
             if not (names := self.headed_for(desired[:3])) <= self.intended:
                 self.look()
                 self.intended |= names
@@ -117,11 +116,11 @@ class Fickle:
         self.forget()
 
     def is_at(self, q: Floats, name: str) -> bool:
-        """Whether a finger is at a thing."""
+        """Whether a finger is at an object."""
         return any(self.judge.gap(q, finger, name) <= CLEAR for finger in FINGERS)
 
     def headed_for(self, stick: Floats) -> set[str]:
-        """Things he is at and that a stick leads slowly to."""
+        """Objects at the fingers to which a stick leads slowly."""
         q = self.plant.q
         speed = float(np.sqrt(stick @ stick))
         near = {name for name in self.names if self.is_at(q, name)}
@@ -134,9 +133,9 @@ class Fickle:
         return {n for n in near if float(gaps(points, solids[n]).min()) <= AIM}
 
     def forget(self) -> None:
-        """Forget what he turned away from, once he has left it."""
+        """Forget former targets once the fingers have left them."""
         q = self.plant.q
-        kept = set() if self.mind.way == "random" else {self.mind.target}
+        kept = set() if self.intent.way == "random" else {self.intent.target}
         left = {name for name in self.intended - kept if not self.is_at(q, name)}
         if left:
             self.look()
@@ -148,20 +147,20 @@ class Fickle:
         self.judge.look(self.plant.rows, may)
 
     def desired(self) -> Floats:
-        """The velocities he asks for, shape (5,) [m/s]."""
-        mind, seen = self.mind, self.plant.seen
+        """Desired velocities, shape (5,) [m/s]."""
+        intent, seen = self.intent, self.plant.seen
         desired = np.zeros(5)
-        if mind.way == "random":
-            desired[:3] = mind.stick
+        if intent.way == "random":
+            desired[:3] = intent.stick
             return desired
-        solid = self.judge.solids[mind.target]
+        solid = self.judge.solids[intent.target]
         low = GANTRY.height_over(solid)
-        wide = GANTRY.opening(solid) if mind.way != "closed" else NARROW
+        wide = GANTRY.opening(solid) if intent.way != "closed" else NARROW
         goal = np.array([solid.at[0], solid.at[1], low])
-        if mind.way == "hand":
+        if intent.way == "hand":
             goal[2] -= 0.1
         beside = max(abs(goal[0] - seen[0]), abs(goal[1] - seen[1]))
-        if mind.way in ("grip", "closed", "hand") and beside > ALIGNED:
+        if intent.way in ("grip", "closed", "hand") and beside > ALIGNED:
             above = low + 2.0 * float(solid.half[2]) + OVER
             goal[2] = above
             if seen[2] < above - 0.02:
@@ -169,12 +168,14 @@ class Fickle:
         way = goal - seen[:3]
         desired[:3] = 8.0 * way
         size = float(np.sqrt(desired[:3] @ desired[:3]))
-        slow = mind.speed if way[2] < 0.0 and beside <= ALIGNED else 4.0 * mind.speed
-        most = mind.speed if mind.way == "speed" else min(slow, 0.8)
+        slow = (
+            intent.speed if way[2] < 0.0 and beside <= ALIGNED else 4.0 * intent.speed
+        )
+        most = intent.speed if intent.way == "speed" else min(slow, 0.8)
         if size > most:
             desired[:3] *= most / size
         down = abs(seen[2] - low) < 0.004 and beside <= ALIGNED
-        if mind.way == "grip" and down:
+        if intent.way == "grip" and down:
             desired[3:] = -0.04
         else:
             desired[3:] = np.clip(8.0 * (wide - seen[3:]), -0.05, 0.05)
@@ -188,7 +189,7 @@ def run_episode(seed: int) -> dict[str, Any]:
     place = side_by_side(rng)
     guard = Guard(place.scene(), self_test=False)
     judge = Judge(place, PERIOD)
-    operator = Fickle(guard, judge, rng)
+    operator = ChangingOperator(guard, judge, rng)
     while len(operator.plant.rows) * PERIOD < DURATION:
         operator.cycle()
     operator.look()

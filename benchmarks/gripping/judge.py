@@ -103,9 +103,9 @@ class Judge:
             self.findings.slipped = max(self.findings.slipped, slipped)
         for pair, found in self._distances(new):
             if pair in may_touch:
-                self._meant(pair, found)
+                self._intended(pair, found)
             else:
-                self._not_meant(pair, found, begin)
+                self._unintended(pair, found, begin)
 
     def _distances(self, q: Floats) -> Iterator[tuple[Pair, Floats]]:
         """True distances of each pair in rows of positions, shape (n,) [m]."""
@@ -127,7 +127,7 @@ class Judge:
             found[HELD] = self.solids[self.held].moved_to(hand + self._offset)
         return found
 
-    def _meant(self, pair: Pair, found: Floats) -> None:
+    def _intended(self, pair: Pair, found: Floats) -> None:
         """Note depth and speed of a contact that is intended."""
         out = self.findings
         least = float(found.min())
@@ -139,7 +139,7 @@ class Judge:
         closing = (found[:-1] - found[1:]) / self.period
         out.speed = max(out.speed, float(closing[begins].max(initial=0.0)))
 
-    def _not_meant(self, pair: Pair, found: Floats, begin: int) -> None:
+    def _unintended(self, pair: Pair, found: Floats, begin: int) -> None:
         """Note how near something came that is not intended."""
         out = self.findings
         k = int(np.argmin(found))

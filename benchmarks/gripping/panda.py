@@ -302,11 +302,11 @@ SPEED, STEP = 0.3, 0.02
 # Longest time for a straight piece of it [s], and how near its end counts [m].
 LONGEST, NEAR = 4.0, 1e-3
 
-# Longest time for which an operator pushes [s], and how he brings a hand back that
-# slides meanwhile [1/s].
+# Longest time for which an operator pushes [s], and the gain that brings a hand back
+# that slides meanwhile [1/s].
 PUSHED, STIFF = 10.0, 25.0
 
-# Share of his speed with which an operator tries again.
+# Share of the speed with which an operator tries again.
 SLOWER = 0.6
 
 # How far joints stay off their limits on such a way [rad], and the arm off everything:
@@ -358,7 +358,7 @@ class PandaPlant(Plant):
         return np.array([*at, self.measured[ARM], self.measured[ARM]])
 
     def cycle(self, desired: Floats) -> Command:
-        """One cycle in which velocities of hand and fingers are asked for [m/s]."""
+        """One cycle with desired velocities of hand and fingers [m/s]."""
         if not desired.any():
             return self.drive(np.zeros(ARM + 1))
         joints = self.arm.lead(self.measured, desired[:3])
@@ -366,10 +366,10 @@ class PandaPlant(Plant):
 
 
 class PandaPicker(Picker):
-    """An operator who brings a hand back that slides while he pushes."""
+    """An operator who brings a hand back that slides while pushing."""
 
     def push(self, desired: Floats, part_of: tuple[str, ...], other: str) -> bool:
-        """Ask for the same until all these parts are felt to touch; whether they do."""
+        """Desire the same until all these parts are felt to touch; whether they do."""
         here = self.plant.seen[:3]
         for _ in range(int(PUSHED / PERIOD)):
             q = self.plant.q

@@ -22,7 +22,7 @@ from gripping.workplace import GANTRY, PERIOD, ROOM, Tool, Workplace, cluttered,
 GAIN, WITHIN = 8.0, 0.001
 PROGRESS, STALLED = 2e-4, 0.6
 
-# Longest time for which he pushes [s], and how often he tries in all.
+# Longest time for which the operator pushes [s], and how many tries there are in all.
 LONGEST, TRIES = 6.0, 4
 
 # Height above where it grips from which on the operator is slow, and how slow [m, m/s].
@@ -31,10 +31,10 @@ SLOW_FROM, SLOW = 0.1, (0.05, 0.09)
 # What is gripped is first lifted by this, and what was let go is left by this [m].
 LIFTED, AWAY = 0.03, 0.15
 
-# Which end of his way he grips at.
+# At which end of the way the gripper closes.
 GRIPPED = 2
 
-# How fast he goes back to where he began, to try again [m/s].
+# How fast the hand goes back to its start, to try again [m/s].
 BACK = 0.1
 
 # Speed at which fingers are asked to close and to open [m/s].
@@ -66,10 +66,10 @@ class Picker:
     """The operator.
 
     Args:
-        plant: What he drives.
-        judge: What he sees, and who judges him.
+        plant: The robot.
+        judge: What the operator sees, and what judges the episode.
         tool: Sizes of the hand and its fingers.
-        rng: Draws how he drives.
+        rng: Draws speeds and hurry.
     """
 
     def __init__(
@@ -82,10 +82,10 @@ class Picker:
         self.fast = rng.uniform(0.2, 0.8)
         self.slow = rng.uniform(*SLOW)
         self.closing = rng.uniform(*CLOSING)
-        # Who is in a hurry goes sideways before he is at the height he goes at.
+        # An operator in a hurry goes sideways before the hand is at its travel height.
         self.hurry = 0.06 if rng.random() < 0.5 else np.inf
         self.tries = 0
-        # What kept him from going on when he last tried again.
+        # What blocked the hand at the last try.
         self.blocked_by = ""
 
     def lead(self, goal: Floats, speed: float, *, open_to: float | None = None) -> bool:
@@ -112,7 +112,7 @@ class Picker:
         return False
 
     def push(self, desired: Floats, part_of: tuple[str, ...], other: str) -> bool:
-        """Ask for the same until all these parts are felt to touch; whether they do."""
+        """Desire the same until all these parts are felt to touch; whether they do."""
         for _ in range(int(LONGEST / PERIOD)):
             q = self.plant.q
             if all(self.judge.gap(q, part, other) <= 0.0 for part in part_of):
@@ -126,10 +126,10 @@ class Picker:
         self.judge.look(self.plant.rows, may_touch or set())
 
     def over(self, xy: Floats, travel: float, low: float, opened: float | None) -> bool:
-        """Go above a place: up, across and down to where he becomes slow.
+        """Go above a place: up, across and down to where the operator becomes slow.
 
-        Who tries again does so from over where he began: something may hang over where
-        he has come to in a hurry.
+        Another try begins from over the start: something may hang over the place that
+        the hand has reached in a hurry.
         """
         begin = self.plant.seen[:2].copy()
         for again in range(TRIES):
@@ -221,12 +221,12 @@ def carries_clear(place: Workplace, name: str, ends: Floats) -> bool:
 
     By closed forms, along the straight pieces from where it is gripped on.
     """
-    thing = place.objects[name]
-    offset = thing.at - ends[GRIPPED, :3]
+    item = place.objects[name]
+    offset = item.at - ends[GRIPPED, :3]
     others = {**place.fixtures, **place.objects}
     share = np.linspace(0.0, 1.0, 501)[:, None]
     for begin, end in pairwise(ends[GRIPPED:, :3]):
-        carried = thing.moved_to(begin + share * (end - begin) + offset)
+        carried = item.moved_to(begin + share * (end - begin) + offset)
         for other, solid in others.items():
             near = float(gaps(carried, solid).min())
             if other not in (name, "table") and near < ROOM:
@@ -305,7 +305,7 @@ def put_down(
 
 
 def rest(picker: Picker) -> None:
-    """Ask for nothing for a while."""
+    """Desire no motion for a while."""
     for _ in range(25):
         picker.plant.cycle(np.zeros(5))
 

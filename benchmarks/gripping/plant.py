@@ -11,7 +11,7 @@ from episodes.follower import Follower
 # How long an operator lets go that is stuck, and then goes away at most [s].
 LET_GO, AWAY = 0.1, 1.5
 
-# How fast he goes away [m/s], and what the nearest pair then has left [m].
+# How fast the hand goes away [m/s], and what the nearest pair then has left [m].
 SPEED, ROOM = 0.03, 0.004
 
 
@@ -48,11 +48,11 @@ class Plant(Follower):
         return self.measured
 
     def cycle(self, desired: Floats) -> Command:
-        """One cycle in which velocities of hand and fingers are asked for [m/s]."""
+        """One cycle with desired velocities of hand and fingers [m/s]."""
         return self.drive(desired)
 
     def drive(self, desired: Floats) -> Command:
-        """One cycle in which velocities of all joints are asked for."""
+        """One cycle with desired velocities of all joints."""
         command = super().drive(desired)
         self.rows.append(self.q)
         return command

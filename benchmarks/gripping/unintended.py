@@ -1,4 +1,4 @@
-"""Grasps nobody means: the guard is to hold back each of them before anything touches.
+"""Unintended grasps: the guard is to hold back each of them before anything touches.
 
 The same operator with the same plant does it without a guard as well: an accident in
 which nothing is touched then is none, and left out.
@@ -43,7 +43,7 @@ SPEEDS = {
     "held": (0.02, 0.8),
 }
 
-# Gap between the two things that stand there: of neighbours, and of all others [m].
+# Gap between the two objects on the table: of neighbours, and of all others [m].
 CLOSE, APART = (0.01, 0.025), (0.1, 0.15)
 
 # How long the operator goes on once it could touch [s].
@@ -58,7 +58,7 @@ NARROW = 0.006
 
 @dataclass(frozen=True)
 class Accident:
-    """What is done to whom.
+    """An accident of the gripper.
 
     Attributes:
         kind: One of `KINDS`.
@@ -72,7 +72,7 @@ class Accident:
 
 
 class Unguarded:
-    """Tells a robot what its operator asks for."""
+    """Commands a robot what its operator desires."""
 
     def __init__(self, guard: Guard) -> None:
         self.home = guard.home
@@ -115,7 +115,7 @@ def run_episode(seed: int) -> dict[str, Any]:
 
 
 def drawn_place(kind: str, rng: np.random.Generator) -> Workplace:
-    """A table with two things on it, one beside the other along y."""
+    """A table with two objects on it, one beside the other along y."""
     target = drawn_object(rng, np.zeros(2))
     neighbour = drawn_object(rng, np.zeros(2))
     gap = rng.uniform(*(CLOSE if kind == "neighbour" else APART))
@@ -205,7 +205,7 @@ def carry_into(picker: Picker, accident: Accident, place: Workplace) -> None:
 
 
 def drive(picker: Picker, desired: tuple[float, ...]) -> None:
-    """Ask for the same for as long as a way takes, and then some."""
+    """Desire the same for as long as a way takes, and then some."""
     asked = np.array(desired)
     cycles = int((WAY / np.abs(asked).max() + PUSHES) / PERIOD)
     for _ in range(cycles):

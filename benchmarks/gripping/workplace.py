@@ -1,4 +1,4 @@
-"""Tables with things to grip, walls and a shelf between them, drawn at random."""
+"""Tables with objects to grip, walls and a shelf between them, drawn at random."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -73,7 +73,7 @@ STOPPING = {**FIGURES, "sensing": PERIOD, "command": PERIOD}
 # Half of the sizes of the table; its top is at z = 0 [m].
 TABLE = (1.0, 1.0, 0.05)
 
-# Things stand no farther from the middle than this along x and y [m].
+# Objects are no farther from the middle than this along x and y [m].
 FIELD = 0.35
 
 # How far fingers are open beside what they are to grip, and off their widest [m].
@@ -82,13 +82,13 @@ BESIDE, OFF_WIDEST = 0.015, 0.004
 # Least distance of fingers from the table, and of the hand from what it grips [m].
 OVER_TABLE, OVER_OBJECT = 0.01, 0.012
 
-# An operator who grips or puts down keeps at least this to all other things [m].
+# An operator who grips or puts down keeps at least this to all other objects [m].
 ROOM = 0.012
 
 # What is carried passes above everything by this [m].
 ABOVE = 0.04
 
-# Distance of things that stand side by side [m].
+# Distance of objects side by side [m].
 SIDE_BY_SIDE = 0.02
 
 
@@ -153,7 +153,7 @@ class Workplace:
     """What is where.
 
     Attributes:
-        objects: Things to grip, by name.
+        objects: Objects to grip, by name.
         fixtures: Everything else.
         response: What the robot does about what is near.
         index: Kind of the index.
@@ -279,7 +279,7 @@ def drawn_wall(rng: np.random.Generator) -> Solid:
 
 
 def side_by_side(rng: np.random.Generator) -> Workplace:
-    """Things on a table in two rows, 20 mm beside each other along x and along y."""
+    """Objects on a table in two rows, 20 mm beside each other along x and along y."""
     half = np.array([*rng.uniform(0.012, 0.025, 2), rng.uniform(0.025, 0.05)])
     round_ones = rng.random() < 0.5
     if round_ones:

@@ -114,7 +114,7 @@ def old(i: Input, k: int, guard: Guard) -> Input:
 
 
 def still(i: Input, k: int, guard: Guard) -> Input:
-    """No new measurements of anybody."""
+    """No new measurements of either robot."""
     return replace(measured_at(stamp_at(BEGIN), i, guard), right=stamp_at(BEGIN))
 
 

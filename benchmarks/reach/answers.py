@@ -98,7 +98,7 @@ class MinkPeer:
 
         Args:
             q: Measured positions, shape (n,).
-            desired: Joint velocities asked for, shape (n,).
+            desired: Joint velocities, shape (n,).
         """
         mink, gain = self._mink, self._gain
         self._q[self._address] = gain[:, 0] * q[self._source] + gain[:, 1]
@@ -162,7 +162,7 @@ class Orders:
 
 
 class Answering:
-    """Turns what is asked for into orders."""
+    """Turns desired motion into orders."""
 
     def answer(self, seen: Seen, asked: Asked) -> Orders:
         """Orders, from what was measured."""
@@ -203,9 +203,9 @@ class Guarded(Answering):
 class Fielded(Guarded):
     """A guard of ours whose fields know the goal, and lead there by themselves.
 
-    What the operator asks for counts only as whether he wants anything: after a stop
-    he begins again by engaging the robots. Places on his way are not known to it. Where
-    he has no goal he steers himself.
+    Of desired motion only its presence counts: after a stop the operator begins again
+    by engaging the robots. Places on the operator's way are not known to the fields.
+    Without a goal the operator steers.
 
     Args:
         guard: The guard.

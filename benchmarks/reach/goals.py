@@ -126,8 +126,8 @@ def shortened(
 # Configurations tried for a start or a goal that keeps every buffer.
 TRIES = 4000
 
-# What every pair has left at a start: no start is where he is held since errors of
-# measurement may hide that he is too near [m].
+# What every pair has left at a start: at no start is a robot held because errors of
+# measurement may hide that it is too near [m].
 START_ROOM = 0.02
 
 # Lines judged before a goal counts as one without a way.
@@ -172,11 +172,11 @@ class Goal:
     way: tuple[Floats, ...]
 
     def operator(self, arena: Arena, led: bool) -> Operator:
-        """Who wants it.
+        """The operator with this goal.
 
         Args:
             arena: Where.
-            led: Whether he follows the certified way; else he steers straight at it.
+            led: Whether to follow the certified way, not a straight line to the goal.
         """
         if led:
             return Joints(arena, self.way, self.share).start(self.start)

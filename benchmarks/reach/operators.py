@@ -36,11 +36,11 @@ DAMPING = 4e-4
 
 @dataclass(slots=True)
 class Asked:
-    """What an operator asks for.
+    """Desired motion of an operator.
 
     Attributes:
         joints: Joint velocities, shape (n,) [rad/s or m/s].
-        twists: Twists of tools, where it is these that are asked for, each (6,).
+        twists: Twists of tools, where these are desired, each (6,).
     """
 
     joints: Floats
@@ -48,7 +48,7 @@ class Asked:
 
 
 class Operator:
-    """Asks for velocities that lead to a goal, seeing the truth.
+    """Desires velocities that lead to a goal, seeing the truth.
 
     Attributes:
         nominal: Time an unobstructed robot needs at least [s].
@@ -58,7 +58,7 @@ class Operator:
     _speed = 0.0
 
     def ask(self, q: Floats, dt: float) -> Asked:
-        """What is asked for after a time dt, at a true configuration."""
+        """What is desired after a time dt, at a true configuration."""
         raise NotImplementedError
 
     def let_go(self) -> None:
@@ -70,7 +70,7 @@ class Operator:
         return np.inf
 
     def goals(self, arena: Arena) -> Mapping[str, Floats]:
-        """What he wants in the end: positions by robot, or poses by tool, (4, 4)."""
+        """The goals: positions by robot, or poses by tool, (4, 4)."""
         return {}
 
 
@@ -208,8 +208,8 @@ class Push(Operator):
 
     Args:
         arena: Where.
-        tools: Tools he pushes.
-        twist: Velocity that each of them is asked for, shape (6,).
+        tools: Tools that are pushed.
+        twist: Desired velocity of each of them, shape (6,).
         duration: How long [s].
     """
 

@@ -17,7 +17,7 @@ from reach.operators import Operator
 # Share of its acceleration a joint must speed up or slow down by to count [-].
 COUNTS = 0.02
 
-# What is ordered differs from what is asked for by more than this [rad/s or m/s].
+# What is ordered differs from what is desired by more than this [rad/s or m/s].
 DIFFERS = 1e-3
 
 
@@ -35,7 +35,7 @@ def jerk(v: Floats, dt: float) -> tuple[float, float]:
 
 
 def held_back(ordered: Floats, asked: Floats) -> Bools:
-    """Cycles in which something else is ordered than what is asked for, shape (c,)."""
+    """Cycles in which something else is ordered than what is desired, shape (c,)."""
     found: Bools = (np.abs(ordered - asked) > DIFFERS).any(axis=1)
     return found
 
@@ -83,7 +83,7 @@ PROGRESS = 0.01
 TIMES = 4.0
 MORE = 4.0
 
-# How long an operator lets go after a stop, and how often he begins again [s].
+# How long an operator lets go after a stop [s], and how often motion begins again.
 PAUSE = 0.3
 STOPS = 3
 
@@ -105,7 +105,7 @@ class Outcome:
         jerk_told: Root mean square and peak of the commanded jerk [rad/s³].
         jerk_true: The same of the true velocities.
         chatter: Changes of sign of the acceleration while held back [1/s].
-        held_back: Share of the time something else is ordered than is asked for [-].
+        held_back: Share of the time something else is ordered than is desired [-].
         blocked: Share of the time in which less than a tenth of it is ordered [-].
         why_blocked: Cycles by what the guard says of each robot.
         unsolved: Cycles in which no solution was found.
@@ -140,7 +140,7 @@ class Trial:
 
     Attributes:
         ordered: Velocities ordered, by cycle, shape (c, n).
-        asked: Velocities asked for, the same.
+        asked: Desired velocities, the same.
         drives: The robots.
 
     Args:
@@ -150,7 +150,7 @@ class Trial:
         operator: The operator.
         answers: The guard or peer.
         longest: Longest time [s]; if None, by how long an unobstructed robot needs.
-        patient: Whether the operator goes on where he does not come nearer.
+        patient: Whether the operator goes on where the goal comes no nearer.
     """
 
     def __init__(
@@ -273,7 +273,7 @@ class Trial:
             outcome.end = "contact"
         outcome.jerk_told = jerk(self.ordered[:, used], PERIOD)
         outcome.jerk_true = jerk(v_true[:, used], PERIOD)
-        # Faster than the robots can go is asked for in vain, but in that direction.
+        # Beyond the top speeds of the robots only the direction counts.
         excess = np.abs(self.asked) / arena.velocity
         self.asked /= np.maximum(excess.max(axis=1, keepdims=True), 1.0)
         where = held_back(self.ordered[:, used], self.asked[:, used])

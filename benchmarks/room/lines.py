@@ -25,7 +25,7 @@ PERIOD = 1e-3  # [s]
 STEP = 2e-3
 NUDGE = 1e-6
 
-# No line bends so much that its fastest drive [m/s] asks for more than this of a joint:
+# No line bends so much that its fastest drive [m/s] requires more than this of a joint:
 # a share of its top speed [-], and an acceleration, half of the bay's [rad/s²].
 FASTEST = 0.6
 SPEED_SHARE = 0.95

@@ -1,8 +1,8 @@
 """Arms that are one sliding joint each, guarded in a closed loop at their worst.
 
 Everything the declared figures leave open is against the guard: measurements are as old
-as they may be and seem farther and slower, the operator pushes with all he has from the
-last measurement on that does not stop him, and stops are as late and soft as declared.
+as they may be and seem farther and slower, the operator pushes at top speed from the
+last measurement on that orders no stop, and stops are as late and soft as declared.
 """
 
 from collections.abc import Callable, Sequence
@@ -125,7 +125,7 @@ class Track:
     def worst_run(self, start: float, speed: float) -> Run:
         """The run in which the operator pushes at the last moment.
 
-        Where that is follows from a run in which he does not.
+        When that is follows from a run without the push.
         """
         calm = self.run(start, speed)
         return self.run(start, speed, (calm.order_cycle - 1) * PERIOD)
@@ -136,7 +136,7 @@ class Track:
         Args:
             start: Where the slides start, at rest [m].
             speed: Speed the operator wants [m/s].
-            push_at: Time from which on he wants top speed [s]; None if he never does,
+            push_at: Time from which on top speed is desired [s]; None if it never is,
                 and the run ends with the first order.
 
         Raises:

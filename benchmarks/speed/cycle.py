@@ -12,7 +12,7 @@ from timing import Progress, percentiles, quiet, time_in_turns
 
 CYCLES = 2000
 
-# Configurations on which the peers are asked for their near pairs.
+# Configurations whose near pairs are compared with those of the peers.
 AGREEMENT = 200
 
 

@@ -42,7 +42,7 @@ def test_clients_come_and_go():
 
 
 @pytest.mark.parametrize("had", [0, 1])
-def test_the_table_stands_between_its_marks(tmp_path, had):
+def test_the_table_is_between_its_marks(tmp_path, had):
     file = tmp_path / "page.md"
     file.write_text(f"before\n{row.BEGIN}\nold\n{row.END}\nafter\n")
     one = asdict(row.none("an attack", 10, had, note="a | b"))

@@ -20,7 +20,7 @@ def answer():
     return bench_service(bench, lambda sentence: None)
 
 
-def test_every_target_stands_beside_what_was_measured(answer):
+def test_every_target_is_printed_beside_its_measurement(answer):
     for row in answer["targets"][:5]:
         assert np.isfinite([row["target"], row["measured"]]).all()
         assert row["met"] == (row["measured"] <= row["target"])

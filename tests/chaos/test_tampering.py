@@ -23,14 +23,14 @@ def state(seal=None):
     return bytes(outbox.seal(Kind.STATE, STATE.size + SIZE))
 
 
-def test_only_the_messages_that_are_meant_are_tampered_with():
+def test_only_messages_of_the_chosen_kind_are_tampered_with():
     tamper = on(STATES, tampering.lost)
     message = state()
     assert tamper(message, True) == ()
     assert tamper(message, False) == ((0.0, message),)
-    wish = bytearray(message)
-    wish[5] = Kind.WISH
-    assert tamper(bytes(wish), True) == ((0.0, bytes(wish)),)
+    other = bytearray(message)
+    other[5] = Kind.WISH
+    assert tamper(bytes(other), True) == ((0.0, bytes(other)),)
     assert tamper(b"", True) == ((0.0, b""),)
 
 

@@ -93,7 +93,7 @@ def test_the_version_is_the_packages():
     assert run("--version").stdout.strip() == "0.1.0"
 
 
-def test_check_tells_how_far_links_go_on_and_who_says_so(tmp_path):
+def test_check_prints_how_far_links_go_on_and_the_source_of_that(tmp_path):
     fixed = run("check", BAY, "-v")
     assert "robots 'left', 'right': mode fixed: 30.48 mm at every speed" in " ".join(
         fixed.stdout.split()
@@ -135,7 +135,7 @@ def test_every_level_has_a_style_and_a_place_in_the_exit_code():
         assert found == (1 if level >= Level.STOP else 0)
 
 
-def test_a_summary_tells_every_level_that_was_there(capsys):
+def test_a_summary_lists_every_level_that_was_there(capsys):
     guard, log = ball_guard(), EventLog()
     verdicts = []
     guard.step([-1.0], 0.0, velocity=[0.0])
@@ -148,9 +148,9 @@ def test_a_summary_tells_every_level_that_was_there(capsys):
         log, [v.cycle_time for v in verdicts], [v.counts for v in verdicts]
     )
     print_summary(answer, log)
-    told = " ".join(capsys.readouterr().out.split())
+    printed = " ".join(capsys.readouterr().out.split())
     for word in ("slow", "stop", "brake", "hardware stop"):
-        assert re.search(rf"\d+ {word}\b", told), word
+        assert re.search(rf"\d+ {word}\b", printed), word
     assert answer["exit_code"] == 1
     json.dumps(jsonable(answer), allow_nan=False)
     assert {e["level"] for e in answer["events"]} >= {"HARDWARE_STOP"}
@@ -187,7 +187,7 @@ objects:
 """
 
 
-def test_check_proves_claims_or_tells_that_it_did_not(tmp_path):
+def test_check_proves_claims_or_says_that_it_did_not(tmp_path):
     (tmp_path / "r.urdf").write_text(PLANAR)
     (tmp_path / "r.srdf").write_text(ROWS)
     path = tmp_path / "s.yaml"

@@ -102,7 +102,7 @@ def test_the_demo_in_the_terminal_says_what_it_waits_for_and_what_came_of_it():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_an_interrupt_ends_everything_and_tells_what_came_of_it():
+def test_an_interrupt_ends_everything_and_prints_the_result():
     process = demo()
     family = at_work(process)
     time.sleep(1.0)
@@ -143,7 +143,7 @@ def words_out(process):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends orphans")
-def test_nobody_is_left_when_the_demo_is_killed():
+def test_no_process_is_left_when_the_demo_is_killed():
     process = demo()
     family = at_work(process)
     os.kill(process.pid, signal.SIGKILL)

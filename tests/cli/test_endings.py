@@ -161,7 +161,7 @@ def test_an_exit_code_is_passed_on():
 
 
 def test_too_little_memory_is_a_sentence():
-    """A limit under which libraries fail to load, or ask for memory for ever."""
+    """A limit under which libraries fail to load, or allocate memory for ever."""
     limit = 400_000_000
     ended = subprocess.run(
         [sys.executable, "-m", "armguard", "serve", "two-pandas", "--port", "0"],

@@ -49,7 +49,7 @@ def test_the_real_guard_has_the_episodes_of_the_reference():
     assert figures["armguard"]["episodes"] == 1
 
 
-def test_a_campaign_is_broken_by_contacts_of_a_guard_that_was_told_the_truth(episodes):
+def test_a_campaign_is_broken_by_contacts_of_a_guard_that_knew_the_truth(episodes):
     campaign = campaign_of({PLAN.name: PLAN})
     contact = {"time": 0.1, "a": "left/link7", "b": "rack", "depth": 0.001}
     touched = {**episodes[0], "contact": contact}
@@ -66,7 +66,7 @@ def test_a_digest_has_what_was_counted_beside_contacts(episodes):
     assert found.counts == {"met_at_rest_as_well": 2, "joint_way": 1.2346}
 
 
-def test_the_page_tells_every_kind_of_plan(episodes):
+def test_the_page_lists_every_kind_of_plan(episodes):
     more = {"cycle_times": (1e-5, 2e-5, 3e-5), "wall": 0.1, "saturated": 0.25}
     found = [{**e, **more} for e in episodes]
     contact = {"time": 0.1, "a": "left/link7", "b": "rack", "depth": 0.001}
@@ -168,7 +168,7 @@ def test_settings_lie_on_the_grid_and_come_in_turns():
 
 
 @pytest.mark.parametrize("term", TERMS)
-def test_the_guard_is_told_something_else_than_the_truth(term):
+def test_the_declared_figures_differ_from_the_truth(term):
     truth, wrong = Plan(zero=term).truth_and_declared(4)
     assert truth != wrong and truth.floor == wrong.floor == 0.0
     larger, same = Plan(large=term).truth_and_declared(4)

@@ -18,7 +18,7 @@ def contacts(found):
     return [(e["seed"], e["setting"], e["contact"]) for e in found if e["contact"]]
 
 
-def test_nobody_who_is_stopped_at_once_touches_anything():
+def test_no_arm_that_is_stopped_at_once_touches_anything():
     found = episodes(Plan(guard="stopper"), range(6))
     assert not contacts(found)
     for e in found:

@@ -1,4 +1,4 @@
-"""The judge sees contacts, and knows whose doing they are."""
+"""The judge sees contacts, and knows which arm is at fault."""
 
 from dataclasses import replace
 
@@ -100,7 +100,7 @@ def into_the_arm(judge, tables, steps=400):
     return np.linspace(to + np.array([0.0, 0.0, 0.6]), to, steps)
 
 
-def test_an_object_that_hits_a_resting_arm_is_nobodys_doing(arena):
+def test_no_arm_is_at_fault_when_an_object_hits_it_at_rest(arena):
     judge, tables = arena
     p_rows = into_the_arm(judge, tables)
     watching = watch(judge, tables.home, ball=p_rows[0])

@@ -66,14 +66,14 @@ def test_a_stop_integrates_its_deceleration(speed, ramp):
 
 def test_travel_after_an_order_is_delay_and_closed_form():
     p = plant()
-    wish = np.array([2.0, -1.0, 0.5])
-    run(p, 0, 4000, wish)
-    assert (p.v == wish).all()
+    velocity = np.array([2.0, -1.0, 0.5])
+    run(p, 0, 4000, velocity)
+    assert (p.v == velocity).all()
     before, now, delay, ramp = p.q.copy(), 4000 * SUBSTEP, 0.00413, 0.02
     swing, duration = np.array([0.01, 0.0, 0.002]), np.full(N, 0.05)
     stop = (DECELERATION, np.full(N, ramp), swing, duration)
     plants.order_stop(p, 0, now + delay, stop)
-    q_rows, v_rows = run(p, 4000, 8000, wish)
+    q_rows, v_rows = run(p, 4000, 8000, velocity)
     speeds = zip(VELOCITY, DECELERATION, strict=True)
     rest = np.array([rest_after(s, d, ramp) for s, d in speeds])
     by_hand = VELOCITY * delay + VELOCITY**2 / (2 * DECELERATION) + VELOCITY * ramp / 2
@@ -116,7 +116,7 @@ def test_an_operator_has_no_influence_from_the_effect_on():
     assert (ways[0] == ways[1]).all()
 
 
-def test_a_plant_stands_until_it_is_given_to_its_operator():
+def test_a_plant_is_at_rest_until_it_is_given_to_its_operator():
     p = plants.plant_at(NOTHING, FIRST, VELOCITY, ACCELERATION, 2.0 * DECELERATION)
     assert not run(p, 0, 400, VELOCITY)[0].any()
     assert plants.release(p, 0)
@@ -167,13 +167,13 @@ def test_a_swing_goes_out_and_back():
 
 def test_a_stop_may_swing_back_before_its_rest():
     p = plant()
-    wish = np.array([2.0, -1.0, 0.5])
-    run(p, 0, 4000, wish)
+    velocity = np.array([2.0, -1.0, 0.5])
+    run(p, 0, 4000, velocity)
     swing, duration = np.array([-0.01, -0.01, 0.0]), np.full(N, 0.05)
     plants.order_stop(p, 0, 1.0, (DECELERATION, NOTHING, swing, duration))
     before = p.q.copy()
-    q_rows, v_rows = run(p, 4000, 8000, wish)
-    way = np.sign(wish) * (q_rows - before)
+    q_rows, v_rows = run(p, 4000, 8000, velocity)
+    way = np.sign(velocity) * (q_rows - before)
     rest = VELOCITY**2 / (2 * DECELERATION)
     np.testing.assert_allclose(way.max(axis=0), rest, atol=1e-12)
     np.testing.assert_allclose(np.abs(p.q - before), rest, atol=1e-12)
@@ -187,7 +187,7 @@ def test_a_stop_may_swing_back_before_its_rest():
 
 
 @pytest.mark.parametrize("style", ["adverse", "least", "random"])
-def test_swings_back_are_drawn_where_they_are_asked_for(style):
+def test_swings_back_are_drawn_where_they_are_requested(style):
     rng, known = np.random.default_rng(3), [figures()]
     styles = Styles("most", style, "none", True)
     closing = np.array([1.0, -1.0, 0.0])

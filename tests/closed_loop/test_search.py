@@ -124,7 +124,7 @@ def test_a_stop_of_a_guard_that_always_stops_is_needless():
     assert [s["needless"] for s in found["stops"]] == [True, True]
 
 
-def test_a_future_begins_as_its_operator_wishes_and_ends_at_rest(bay):
+def test_a_future_begins_as_its_operator_desires_and_ends_at_rest(bay):
     guard, scene = bay
     q, v = scene.home, np.full(14, 0.1)
     closing = np.tile([1.0, -1.0], 7)

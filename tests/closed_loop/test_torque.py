@@ -52,24 +52,24 @@ def stopped(**changes):
     plants.release(p, 0)
     q, v = np.zeros((2, COUNT, N))
     free = np.zeros((COUNT, 1), dtype=bool)
-    wish = known["speed"] * SPEED
+    desired = known["speed"] * SPEED
     # Swings are in proportion to the declared top speed.
     swing = known["swing"] * 2.0 * full
     names = ("deceleration", "ramp", "swing", "swing_time")
     stop = tuple(swing if n == "swing" else known[n] * full for n in names)
     parts = slice(BEGIN), slice(BEGIN, COUNT)
-    plants.advance(p, 0, SUBSTEP, wish, q[parts[0]], v[parts[0]], free[parts[0]])
+    plants.advance(p, 0, SUBSTEP, desired, q[parts[0]], v[parts[0]], free[parts[0]])
     plants.order_stop(p, 0, BEGIN * SUBSTEP, stop)
-    plants.advance(p, BEGIN, SUBSTEP, wish, q[parts[1]], v[parts[1]], free[parts[1]])
+    plants.advance(p, BEGIN, SUBSTEP, desired, q[parts[1]], v[parts[1]], free[parts[1]])
     # A row is a state at the end of its substep: put the start before them.
     before = np.zeros((1, N))
     rows = np.vstack([before, q]), np.vstack([before, v]), np.vstack([[[False]], free])
     return (*rows, [Stopping(0, BEGIN * SUBSTEP, False)])
 
 
-def broken_by(back=False, told=None, **changes):
+def broken_by(back=False, as_declared=None, **changes):
     q, v, free, stops = stopped(**changes)
-    known = figures(**(told or {}))
+    known = figures(**(as_declared or {}))
     truth = Truth(np.random.default_rng(0), [known], Styles.worst(), swings_back=back)
     return broken(q, v, free, FIRST, stops, declared_of([known], truth))
 
@@ -116,7 +116,7 @@ def test_what_sensors_leave_of_the_declared_errors_is_the_arms():
 def test_a_drive_may_miss_its_commands_by_the_tracking_error(share, missed):
     known = figures(tracking_error=0.05)
     truth = Truth(np.random.default_rng(0), [known], Styles.worst())
-    told, command = declared_of([known], truth), np.array([0.004])
+    as_declared, command = declared_of([known], truth), np.array([0.004])
     sent = [Commanded(0.0, 0, np.zeros(N)), Commanded(0.1, 0, np.full(N, 0.4))]
     sent.append(Commanded(0.2, 0, np.zeros(N)))
     free, ticks = np.ones((1200, 1), dtype=bool), np.arange(1200)[:, None]
@@ -125,13 +125,13 @@ def test_a_drive_may_miss_its_commands_by_the_tracking_error(share, missed):
     lags = np.clip(1e-3 * (ticks - 400), 0.0, 0.4) * np.ones(N)
     lags[816:] = 0.0
     for v in (follows, lags):
-        assert not misses(v, free, FIRST, sent, told, command)
-        assert not misses(-v[:1], free[:1], FIRST, sent, told, command)
+        assert not misses(v, free, FIRST, sent, as_declared, command)
+        assert not misses(-v[:1], free[:1], FIRST, sent, as_declared, command)
     beyond = follows + np.where(follows > 0.0, share * 0.05, 0.0)
-    assert misses(beyond, free, FIRST, sent, told, command) is missed
+    assert misses(beyond, free, FIRST, sent, as_declared, command) is missed
     # Of a drive that turns the other way.
     away = follows - np.where(follows == 0.0, share * 0.05, 0.0)
-    assert misses(away, free, FIRST, sent, told, command) is missed
+    assert misses(away, free, FIRST, sent, as_declared, command) is missed
 
 
 def model_of(name):
@@ -181,18 +181,18 @@ def test_servos_hold_a_payload_and_follow_within_their_reserve():
     assert 0.0 < np.abs(rows[:400] - q).max() < 2e-3
     for arm in (0, 1):
         plants.release(p, arm)
-    wish = truth.velocity * rng.choice([-1.0, 1.0], 14)
+    desired = truth.velocity * rng.choice([-1.0, 1.0], 14)
     for k in range(400, 4000, 4):
         part = slice(k, k + 4)
         if k == 2400:
             for arm in (0, 1):
                 plants.order_stop(p, arm, k * SUBSTEP, truth.stop(rng.normal(size=14)))
-        plants.advance(p, k, SUBSTEP, wish, rows[part], speeds[part], free[part])
+        plants.advance(p, k, SUBSTEP, desired, rows[part], speeds[part], free[part])
         arms.follow(rows[part], speeds[part])
     stops = [Stopping(arm, 2400 * SUBSTEP, False) for arm in (0, 1)]
-    told = declared_of(known, truth)
+    as_declared = declared_of(known, truth)
     shifted = [np.vstack([r[:1], r[:-1]]) for r in (rows, speeds, free)]
-    assert broken(*shifted, first, stops, told) is None
+    assert broken(*shifted, first, stops, as_declared) is None
     assert arms.saturated == 0
 
 

@@ -66,8 +66,8 @@ def test_what_is_published_meets_the_targets(figure):
         for name, entry in KNOWN.items()
         if not entry[figure]["worst"] <= TARGETS[figure]
     }
-    # Those that are known, and told with their reasons, are single pairs in a million,
-    # and no further off than this.
+    # Those that are known, and published with their reasons, are single pairs in a
+    # million, and no further off than this.
     assert set(missed) == {key for key in MISSED if key[0] == figure}
     assert max(missed.values(), default=0.0) <= 4.0 * TARGETS[figure]
 

@@ -1,4 +1,4 @@
-"""Cell gaps, bounding boxes and displacements: what the index stands on."""
+"""Cell gaps, bounding boxes and displacements: the basis of the index."""
 
 import coal
 import numpy as np

@@ -17,7 +17,7 @@ from worlds import SIMPLE, random_pose, random_shape
 
 PAIRS_EACH = 17_000
 
-# Agreement that is asked for [m].
+# Agreement that is required [m].
 AGREEMENT = 1e-9
 
 
@@ -51,7 +51,7 @@ def test_distances_agree_with_coal(kinds):
         )
         overlapping += out[0] < 0.0
         if abs(theirs - out[0]) > AGREEMENT:
-            # Who is wrong? A third opinion decides.
+            # Which one is wrong? A third opinion decides.
             judge = signed_distance(shapes[0], poses[0], shapes[1], poses[1])
             assert out[0] == pytest.approx(judge, abs=1e-7), (shapes, poses, theirs)
     assert overlapping > PAIRS_EACH // 20

@@ -174,7 +174,7 @@ def test_just_inside_the_limit_is_believed_and_just_outside_is_not():
 
 
 def test_a_hard_stop_is_no_contradiction():
-    """Where nobody knows how hard stops are, one may end within a period."""
+    """Where it is unknown how hard stops are, one may end within a period."""
     guard = two_joints(deceleration_most=np.inf)
     for k in range(200):
         t = k * PERIOD

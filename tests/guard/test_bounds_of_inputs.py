@@ -104,7 +104,7 @@ def test_a_velocity_that_is_estimated_may_be_none_where_a_stop_may_be_of_any_har
         assert high >= max(speed, 0.0)
 
 
-def test_an_order_at_a_time_nobody_knows_was_given_before_the_next_one_that_is_known():
+def test_an_order_at_an_unknown_time_was_given_before_the_next_one_that_is_known():
     guard = slides({"stale": 0.1}, period=PERIOD)
     for stamp, reason in ((6.0, Reason.STAMP_AHEAD), (4.9, Reason.STATE_STALE)):
         let_go(guard)

@@ -38,11 +38,11 @@ GRAIN = 3e-4
 PERIOD = 1e-4
 
 # Figures of the slide, and what else differs: its speed [m/s], the age of its
-# measurement [s], settings of the scene. Without `now` the age is not told.
+# measurement [s], settings of the scene. Without `now` the age is unknown.
 CASES = {
     "floor": ({}, {"buffer": 0.05}),
     "age": ({}, {"speed": 1.0, "age": 0.1}),
-    "age that is not told": ({"sensing": 0.1}, {"speed": 1.0, "told": False}),
+    "age that is unknown": ({"sensing": 0.1}, {"speed": 1.0, "has_time": False}),
     "delay of an order": ({"command": 0.1}, {"speed": 1.0}),
     "period": ({}, {"speed": 1.0, "period": 0.1}),
     "lateness": ({}, {"speed": 1.0, "late": 0.1}),
@@ -76,7 +76,7 @@ def opposite(which, figures, **settings):
     return slides({}, figures, **settings), 1
 
 
-def judged(guard, which_slide, gap, speed, age, told):
+def judged(guard, which_slide, gap, speed, age, has_time):
     """Verdict of a slide that is this near, fast and old."""
     joints = len(guard.q_names)
     velocity = np.zeros(joints)
@@ -85,7 +85,7 @@ def judged(guard, which_slide, gap, speed, age, told):
     stamps = dict.fromkeys(("left", "right")[:joints], 5.0)
     stamps[("left", "right")[which_slide]] -= age
     return guard.step(
-        at_gap(gap, joints), stamps, velocity=velocity, now=5.0 if told else None
+        at_gap(gap, joints), stamps, velocity=velocity, now=5.0 if has_time else None
     )
 
 
@@ -97,7 +97,7 @@ def test_a_measured_stop_takes_the_place_of_the_figures(speed):
     # At full speed all the way: no stop is later at any place.
     need = speed * (0.02 + PERIOD) + np.interp(speed, speeds, ways)
     for gap in (need + GRAIN, need - GRAIN):
-        verdict = judged(guard, 0, gap, speed, 0.0, told=True)
+        verdict = judged(guard, 0, gap, speed, 0.0, has_time=True)
         assert verdict.nearest.headroom == pytest.approx(gap - need, abs=GRAIN / 3.0)
         assert (verdict.level is Level.STOP) == (gap < need)
 
@@ -106,9 +106,9 @@ def test_a_measured_stop_takes_the_place_of_the_figures(speed):
 @pytest.mark.parametrize("case", CASES)
 def test_a_pair_needs_the_worst_case_of_each_figure_and_no_more(case, which):
     figures, rest = CASES[case]
-    options = {"speed": 0.0, "age": 0.0, "told": True, "period": PERIOD, **rest}
-    speed, age, told = (options.pop(key) for key in ("speed", "age", "told"))
-    unknown = 0.0 if told else figures["sensing"]
+    options = {"speed": 0.0, "age": 0.0, "has_time": True, "period": PERIOD, **rest}
+    speed, age, has_time = (options.pop(key) for key in ("speed", "age", "has_time"))
+    unknown = 0.0 if has_time else figures["sensing"]
     reaction = age + unknown + figures.get("command", 0.0)
     reaction += options["period"] + options.get("late", 0.0)
     if which == "a ball":
@@ -119,13 +119,13 @@ def test_a_pair_needs_the_worst_case_of_each_figure_and_no_more(case, which):
     need = way + sum(standing) + options.get("buffer", 0.0)
     assert need > 0.03
     guard, which_slide = opposite(which, figures, **options)
-    above = judged(guard, which_slide, need + GRAIN, speed, age, told)
+    above = judged(guard, which_slide, need + GRAIN, speed, age, has_time)
     assert above.nearest.headroom == pytest.approx(GRAIN, abs=GRAIN / 3.0)
     assert above.level < Level.STOP
-    # However little of what is near is to be told, what has to stop is.
+    # However few near pairs are to be reported, those that have to stop are.
     margin = options.get("buffer", 0.0)
     guard, which_slide = opposite(which, figures, margin=margin, **options)
-    below = judged(guard, which_slide, need - GRAIN, speed, age, told)
+    below = judged(guard, which_slide, need - GRAIN, speed, age, has_time)
     assert below.nearest.headroom == pytest.approx(-GRAIN, abs=GRAIN / 3.0)
     assert below.level is Level.STOP
 
@@ -134,9 +134,9 @@ def test_a_pair_needs_the_worst_case_of_each_figure_and_no_more(case, which):
 # measurement and of the ball's [s].
 MOVING = {
     "since it was seen": ({}, {"seen": 0.6}),
-    "since it was seen, in a time that is not told": (
+    "since it was seen, in a time that is unknown": (
         {"sensing": 0.2},
-        {"told": False},
+        {"has_time": False},
     ),
     "until the slide rests, which was measured before": (
         {"deceleration": 5.0},
@@ -154,7 +154,7 @@ TOP_SPEED = 0.5
 @pytest.mark.parametrize("case", MOVING)
 def test_a_ball_that_moves_is_reckoned_with(case, kind, others):
     figures, rest = MOVING[case]
-    options = {"speed": 0.0, "age": 0.0, "seen": 0.0, "told": True, **rest}
+    options = {"speed": 0.0, "age": 0.0, "seen": 0.0, "has_time": True, **rest}
     guard = slides(
         figures,
         mover={"top_speed": TOP_SPEED},
@@ -163,7 +163,7 @@ def test_a_ball_that_moves_is_reckoned_with(case, kind, others):
         period=PERIOD,
         index=IndexSettings(kind=kind),
     )
-    unknown = 0.0 if options["told"] else figures["sensing"]
+    unknown = 0.0 if options["has_time"] else figures["sensing"]
     age = options["age"] + unknown
     cycle = PERIOD + UNTOLD_CYCLE * unknown
     way, rests = worst_stop(figures, options["speed"], age + cycle)
@@ -175,7 +175,7 @@ def test_a_ball_that_moves_is_reckoned_with(case, kind, others):
         guard.place("ball", Pose(xyz=(APART, 0, 0)), stamp=5.0 - options["seen"])
         gap = need + GRAIN if above else need - GRAIN
         verdict = judged(
-            guard, 0, gap, options["speed"], options["age"], options["told"]
+            guard, 0, gap, options["speed"], options["age"], options["has_time"]
         )
         assert verdict.nearest.headroom == pytest.approx(gap - need, abs=GRAIN / 3.0)
         assert (verdict.level is Level.STOP) is not above
@@ -203,7 +203,7 @@ def test_the_time_that_is_left_is_what_is_left_by_the_speed():
     guard, speed = slides({}, period=PERIOD), 0.8
     need, _ = worst_stop({}, speed, PERIOD)
     for left in (0.01, 0.04):
-        verdict = judged(guard, 0, need + left, speed, 0.0, told=True)
+        verdict = judged(guard, 0, need + left, speed, 0.0, has_time=True)
         assert verdict.headroom.m == pytest.approx(left, abs=1e-6)
         assert verdict.headroom.s == pytest.approx(left / speed, abs=1e-6)
 
@@ -213,7 +213,7 @@ def test_without_a_budget_levers_alone_may_prove_a_pair(spare):
     guard, speed = slides({}, period=PERIOD), 1.0
     guard._motion.effort.budget = 0
     need, _ = worst_stop({}, speed, PERIOD)
-    verdict = judged(guard, 0, need + spare, speed, 0.0, told=True)
+    verdict = judged(guard, 0, need + spare, speed, 0.0, has_time=True)
     assert (verdict.level is Level.STOP) == (spare < 0.0)
     assert (verdict.reason is Reason.BUDGET_SPENT) == (spare < 0.0)
     assert verdict.nearest.headroom == pytest.approx(spare, abs=GRAIN / 3.0)
@@ -271,7 +271,7 @@ def test_only_the_slide_that_is_too_near_to_something_is_stopped():
 
 @pytest.mark.parametrize("share", [0.97, 1.03])
 @pytest.mark.parametrize("slower", [0, 1])
-def test_time_is_short_for_who_has_a_quarter_of_the_closing_speed(slower, share):
+def test_time_is_short_for_a_slide_with_a_quarter_of_the_closing_speed(slower, share):
     # Together they close 1 m/s.
     speeds = np.full(2, 1.0 - 0.25 * share)
     speeds[slower] = 0.25 * share
@@ -294,13 +294,13 @@ SLOWS, SHORT = 0.1, 1.25 * 0.1
 def test_beyond_the_margin_a_pair_is_reported_while_it_is_nearly_short(share):
     guard, speed = slides({}, period=PERIOD, margin=0.0), 0.8
     need, _ = worst_stop({}, speed, PERIOD)
-    verdict = judged(guard, 0, need + share * SHORT * speed, speed, 0.0, told=True)
+    verdict = judged(guard, 0, need + share * SHORT * speed, speed, 0.0, has_time=True)
     assert len(verdict.near) == (share < 1.0)
 
 
 @pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("joints", [1, 2])
-def test_beyond_the_margin_a_pair_is_reported_to_who_may_measure_it_nearer(
+def test_beyond_the_margin_a_pair_is_reported_where_it_may_be_measured_nearer(
     joints, filtered
 ):
     """Two errors of a position: one in what it has left, one that is to come."""

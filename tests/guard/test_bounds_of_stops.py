@@ -24,7 +24,7 @@ from sliding import (
 
 PERIOD = 1e-3
 
-# How far inside and outside a bound things are put [-].
+# How far inside and outside a bound a slide is put [-].
 SHARE = 0.01
 
 
@@ -45,15 +45,19 @@ class Stopped:
     Args:
         figures: What differs from `EXACT`.
         speed: Its speed [m/s].
-        told: Whether the time of a cycle is told.
+        has_time: Whether the guard is given the time of a cycle.
     """
 
-    def __init__(self, figures, speed, told=True):
-        self.guard, self.speed, self.told = slides(figures, period=PERIOD), speed, told
+    def __init__(self, figures, speed, has_time=True):
+        self.guard, self.speed, self.has_time = (
+            slides(figures, period=PERIOD),
+            speed,
+            has_time,
+        )
         self.f = {**EXACT, **figures}
         # On the clock of the stamps.
-        self.effect = self.f["command"] + (0.0 if told else self.f["sensing"])
-        cycle = PERIOD + (0.0 if told else UNTOLD_CYCLE * self.f["sensing"])
+        self.effect = self.f["command"] + (0.0 if has_time else self.f["sensing"])
+        cycle = PERIOD + (0.0 if has_time else UNTOLD_CYCLE * self.f["sensing"])
         need, _ = worst_stop(figures, speed, self.effect + cycle)
         self.begin = at_gap((1.0 - SHARE) * need)[0]
         let_go(self.guard)
@@ -64,7 +68,7 @@ class Stopped:
         """Verdict of a cycle in which it has got so far since the first one."""
         time = 5.0 + self.cycles * PERIOD
         self.cycles += 1
-        now = time if self.told else None
+        now = time if self.has_time else None
         return self.guard.step([self.begin + way], time, velocity=[speed], now=now)
 
     def follow(self, motion, begin=0):
@@ -85,20 +89,20 @@ STOPS = {
     "delay": ({"command": 0.1}, "command", 1.01),
     "ramp": ({"ramp": 0.1, "command": 0.01}, "ramp", 1.01),
     "stop within its ramp": ({"ramp": 0.5, "command": 0.01}, "ramp", 1.01),
-    "time that is not told": ({"sensing": 0.1}, "sensing", 1.01),
+    "time that is unknown": ({"sensing": 0.1}, "sensing", 1.01),
 }
 
 
 @pytest.mark.parametrize("case", STOPS)
 def test_a_stop_as_declared_is_believed_and_one_a_little_worse_is_not(case):
     figures, which, factor = STOPS[case]
-    # Only its speed tells, not where it gets to.
+    # Only its speed shows it, not where it gets to.
     figures = {**figures, "position_error": 0.02}
-    told = which != "sensing"
+    has_time = which != "sensing"
     for share in (1.0, factor):
         true = {**figures, which: share * figures[which]}
-        stopped = Stopped(figures, 1.0, told)
-        effect = true.get("command", 0.0) + (0.0 if told else true["sensing"])
+        stopped = Stopped(figures, 1.0, has_time)
+        effect = true.get("command", 0.0) + (0.0 if has_time else true["sensing"])
         levels = stopped.follow(motion_of(true, 1.0, 0.0, effect))
         assert (Level.BRAKE in levels) == (share != 1.0)
         assert (stopped.guard._watch.disproved[0] != 0) == (share != 1.0)
@@ -139,9 +143,9 @@ def test_a_measured_stop_is_believed_until_its_time_whatever_it_does_till_then(s
 
 @pytest.mark.parametrize("leap", [0.0, 0.1])
 def test_stamps_that_leap_alone_do_not_make_a_liar_of_a_stop(leap):
-    """Nobody tells whether the time passed: if it did the slide should rest by now."""
+    """Without a time, the time may have passed: then the slide should rest by now."""
     figures = {"sensing": 0.01, "position_error": 0.05}
-    stopped = Stopped(figures, 0.5, told=False)
+    stopped = Stopped(figures, 0.5, has_time=False)
     times, speeds, ways = motion_of(figures, 0.5, 0.0, stopped.effect)
     for k in range(1, int(rest_of(times, speeds) / PERIOD)):
         since = k * PERIOD
@@ -165,7 +169,7 @@ def test_a_brake_as_declared_is_believed_and_one_a_little_worse_is_not(which):
         assert (Level.HARDWARE_STOP in levels) == (share != 1.0)
 
 
-# Slides that may swing as fast as they move: only where they are tells of their stops.
+# Slides that may swing as fast as they move: only their positions show their stops.
 SWINGS = [
     {},
     {"position_error": 0.01},
@@ -283,7 +287,9 @@ def test_a_measured_stop_that_begins_at_once_and_lingers_is_as_declared():
 
 
 @pytest.mark.parametrize("table", [False, True])
-def test_who_moved_at_rest_may_get_as_far_as_a_table_leads_him_but_no_figure(table):
+def test_a_slide_that_moved_at_rest_may_get_as_far_as_a_table_leads_but_no_figure(
+    table,
+):
     """By its figures this slide stops within 15 mm, by its table in a third of a s."""
     figures = {"deceleration": 50.0, "deceleration_most": 100.0, "command": 0.01}
     if table:
@@ -297,7 +303,7 @@ def test_who_moved_at_rest_may_get_as_far_as_a_table_leads_him_but_no_figure(tab
 
 
 @pytest.mark.parametrize("moved", [False, True])
-def test_a_stop_under_way_is_named_as_such_but_for_who_moved_at_rest(moved):
+def test_a_stop_under_way_is_named_as_such_but_not_of_a_slide_that_moved_at_rest(moved):
     guard, speed = slides({"command": 0.05}, period=PERIOD), 0.5 * moved
     if moved:
         known = first = Reason.MOVED_AT_REST

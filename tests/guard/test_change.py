@@ -1,4 +1,4 @@
-"""Proofs that outlive a change of what is told say no more than proofs made anew."""
+"""Proofs that outlive a change of the commands say no more than proofs made anew."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,13 @@ SCENES = {
 
 
 def led(guard, seed, cycles=400):
-    """Commands and verdicts of a loop with wishes that change."""
+    """Commands and verdicts of a loop with desired motion that changes."""
     rng = np.random.default_rng(seed)
     q, v, found = guard.home, 0.0 * guard.home, []
     for k in range(cycles):
         if k % 40 == 0:
-            wish = rng.uniform(-0.3, 0.3, len(q))
-        command = guard.filter(q, wish, 1e-3 * k, velocity=v)
+            desired = rng.uniform(-0.3, 0.3, len(q))
+        command = guard.filter(q, desired, 1e-3 * k, velocity=v)
         found.append(command)
         v = command.velocity + rng.uniform(-0.005, 0.005, len(q)) * (k % 3 == 0)
         q = np.clip(q + 1e-3 * v, guard.tables.lower, guard.tables.upper)
@@ -30,7 +30,7 @@ def led(guard, seed, cycles=400):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_what_is_told_is_the_same_to_the_bit(scene, monkeypatch):
+def test_commands_are_the_same_to_the_bit(scene, monkeypatch):
     quick = led(SCENES[scene](), 4)
     # Without room for what pairs had left, all of them are judged anew.
     monkeypatch.setattr("armguard.guard.initial.JUDGED_ROOM", 0)
@@ -50,7 +50,7 @@ def test_what_is_told_is_the_same_to_the_bit(scene, monkeypatch):
                 assert pair.headroom <= most
                 saved += pair.headroom != truth.headroom
         for key, truth in known.items():
-            told = {(p.primitive_a, p.primitive_b) for p in one.verdict.near}
-            assert key in told or truth.headroom > 0.0
+            reported = {(p.primitive_a, p.primitive_b) for p in one.verdict.near}
+            assert key in reported or truth.headroom > 0.0
     if scene in ("ball", "crowded bay"):
         assert saved > 0

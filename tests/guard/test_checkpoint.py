@@ -110,15 +110,15 @@ class Twins:
                 guard.step(q, k * PERIOD)
 
 
-def drive(twins, cycles, *, every, period, wish, filters=True, forms=("filter",)):
-    """Drive the first guard's arms as it tells, forking now and then.
+def drive(twins, cycles, *, every, period, operator, filters=True, forms=("filter",)):
+    """Drive the first guard's arms by its commands, forking now and then.
 
     Args:
         twins: The guards.
         cycles: How many cycles.
         every: Cycles between two checkpoints.
         period: Time of a cycle [s].
-        wish: Called with the cycle and positions, gives velocities.
+        operator: Called with the cycle and positions, gives desired velocities.
         filters: Whether commands go through the guard.
         forms: Calls that are drawn from.
     """
@@ -134,9 +134,9 @@ def drive(twins, cycles, *, every, period, wish, filters=True, forms=("filter",)
         t = (k + 1) * period
         qm = q + rng.uniform(-1e-5, 1e-5, n)
         vm = v + rng.uniform(-1e-4, 1e-4, n)
-        asked = wish(k, q)
+        asked = operator(k, q)
         if k % 97 == 96:
-            # An input that nobody can use, among all the others.
+            # An input that no guard can use, among all the others.
             qm[int(rng.integers(n))] = np.nan
         if not filters:
             twins.cycle("step", qm, t, velocity=vm)
@@ -159,13 +159,13 @@ def towards(rng, guard, reach=1.2, speed=1.0):
     """Goals drawn round home, each for a while."""
     goal = guard.home
 
-    def wish(k, q):
+    def operator(k, q):
         nonlocal goal
         if k % 120 == 0:
             goal = guard.home + rng.uniform(-reach, reach, len(q))
         return np.clip(3.0 * (goal - q), -speed, speed)
 
-    return wish
+    return operator
 
 
 @pytest.mark.parametrize("response", ["deflect", "stop", "slow", "field"])
@@ -177,8 +177,8 @@ def test_the_bay_with_each_response(response):
             goal = twins.first.home[own] + rng.uniform(-0.5, 0.5, 7)
             twins.do("field_goal", name, q=goal)
     calls = ("filter", "filter", "filter_positions", "filter_twists")
-    wish = towards(rng, twins.first)
-    drive(twins, 900, every=180, period=0.001, wish=wish, forms=calls)
+    operator = towards(rng, twins.first)
+    drive(twins, 900, every=180, period=0.001, operator=operator, forms=calls)
     assert twins.compared > 500
     assert max(twins.levels) > Level.CLEAR
 
@@ -186,7 +186,7 @@ def test_the_bay_with_each_response(response):
 def test_a_stop_a_retreat_and_a_ball_that_comes_and_goes():
     rng = np.random.default_rng(3)
     twins = Twins(lambda: bay_guard(kind="stop"), rng)
-    wish = towards(rng, twins.first, reach=2.0)
+    operator = towards(rng, twins.first, reach=2.0)
 
     def with_calls(k, q):
         if k % 170 == 60:
@@ -199,9 +199,9 @@ def test_a_stop_a_retreat_and_a_ball_that_comes_and_goes():
             twins.do("retreat", "left")
         if k == 700:
             twins.do("reset")
-        return wish(k, q)
+        return operator(k, q)
 
-    drive(twins, 1000, every=90, period=0.001, wish=with_calls)
+    drive(twins, 1000, every=90, period=0.001, operator=with_calls)
     assert Level.STOP in twins.levels
     assert twins.compared > 600
 
@@ -210,13 +210,13 @@ def test_a_stop_a_retreat_and_a_ball_that_comes_and_goes():
 def test_modes_without_commands(mode):
     rng = np.random.default_rng(5)
     twins = Twins(lambda: Guard(bay_scene(mode), self_test=False), rng)
-    wish = towards(rng, twins.first, speed=0.5)
-    drive(twins, 400, every=70, period=0.001, wish=wish, filters=False)
+    operator = towards(rng, twins.first, speed=0.5)
+    drive(twins, 400, every=70, period=0.001, operator=operator, filters=False)
     assert twins.compared > 250
 
 
 def crowd():
-    """An arm among so many things that the index is asked, some of them hulls."""
+    """An arm among so many objects that the index is asked, some of them hulls."""
     rng = np.random.default_rng(8)
     bare = bay_scene("path")
     for k in range(150):
@@ -231,16 +231,16 @@ def crowd():
 def test_a_scene_in_which_the_index_is_asked():
     rng = np.random.default_rng(9)
     twins = Twins(crowd, rng)
-    wish = towards(rng, twins.first, reach=2.0)
+    operator = towards(rng, twins.first, reach=2.0)
 
     def with_calls(k, q):
         if k % 40 == 20:
             place = (*rng.uniform(-1.0, 1.0, 2), rng.uniform(0.1, 0.9))
             name = f"thing{10 * (k // 40 % 15)}"
             twins.do("place", name, Pose(xyz=place, rpy=rng.uniform(-1, 1, 3)))
-        return wish(k, q)
+        return operator(k, q)
 
-    drive(twins, 400, every=80, period=0.001, wish=with_calls)
+    drive(twins, 400, every=80, period=0.001, operator=with_calls)
     assert twins.compared > 250
     twins.first.index.check()
     twins.second.index.check()
@@ -381,7 +381,7 @@ def test_every_whole_number_of_a_checkpoint_has_a_rule():
 
 
 @pytest.mark.parametrize("value", [1 << 41, 1 << 62, -7000, -(1 << 63)])
-def test_a_number_that_is_no_place_is_refused_wherever_it_stands(value):
+def test_a_number_that_is_no_place_is_refused_in_every_field(value):
     guard = gripping_guard()
     good = guard.checkpoint()
     rules = guard._saving.rules

@@ -29,23 +29,23 @@ def test_at_first_nothing_is_under_way():
 def test_a_command_is_under_way_until_one_after_it_has_taken_effect():
     guard = fresh()
     q, v = -1.0, 0.0
-    told = []
+    commanded = []
     for k in range(200):
-        wish = 0.4 if k < 100 else -0.4
-        command = guard.filter([q], [wish], k * PERIOD, velocity=[v])
-        told.append(command.velocity[0])
-        # Nobody tells the time: a measurement may be as old as `sensing`.
+        desired = 0.4 if k < 100 else -0.4
+        command = guard.filter([q], [desired], k * PERIOD, velocity=[v])
+        commanded.append(command.velocity[0])
+        # Without a time, a measurement may be as old as `sensing`.
         measured = k * PERIOD - SENSING
-        window = [told[-1]]
-        for back in range(1, len(told) + 1):
+        window = [commanded[-1]]
+        for back in range(1, len(commanded) + 1):
             at = (k + 1 - back) * PERIOD
-            window.append(told[-back])
+            window.append(commanded[-back])
             if at <= measured - COMMAND:
                 break
         else:
             window.append(0.0)
         assert sent_of(guard) == pytest.approx((min(window), max(window)))
-        v = told[-1]
+        v = commanded[-1]
         q += v * PERIOD
 
 
@@ -63,14 +63,14 @@ def test_where_older_commands_are_forgotten_anything_may_be_under_way():
 
 def test_cycles_that_come_early_change_commands_less():
     guard = fresh()
-    q, v, told = -1.0, 0.0, []
+    q, v, commanded = -1.0, 0.0, []
     for k in range(60):
         command = guard.filter([q], [0.4], 0.25 * k * PERIOD, velocity=[v])
         v = command.velocity[0]
-        told.append(v)
+        commanded.append(v)
         q += 0.25 * v * PERIOD
     # The first one cannot know how soon the next will come.
-    assert np.diff(told)[1:].max() <= 8.0 * 0.25 * PERIOD * (1.0 + 1e-9)
+    assert np.diff(commanded)[1:].max() <= 8.0 * 0.25 * PERIOD * (1.0 + 1e-9)
 
 
 def test_what_is_sent_by_an_arm_that_stops_is_the_declared_stop():
@@ -88,12 +88,12 @@ def test_what_is_sent_by_an_arm_that_stops_is_the_declared_stop():
         speeds.append(v)
     assert np.diff([0.4, *speeds])[:99] == pytest.approx(-4.0 * PERIOD)
     assert speeds[-1] == 0.0
-    # That is what was declared: nobody calls for the brake.
+    # That is what was declared: no verdict calls for the brake.
     assert guard._watch.disproved.sum() == 0
 
 
 @pytest.mark.parametrize("stamp", [np.nan, None, -5.0, "soon", {}])
-def test_a_stamp_that_cannot_be_told_leads_to_rest_as_well(stamp):
+def test_a_stamp_that_cannot_be_true_leads_to_rest_as_well(stamp):
     guard = fresh()
     q, v = -1.0, 0.0
     for k in range(100):
@@ -107,7 +107,7 @@ def test_a_stamp_that_cannot_be_told_leads_to_rest_as_well(stamp):
         assert 0.0 <= command.velocity[0] <= v
         v = command.velocity[0]
         q += v * PERIOD
-    # Nobody knows how much time has passed: a cycle's worth in each.
+    # It is unknown how much time has passed: a cycle's worth in each.
     assert v == 0.0
 
 

@@ -60,15 +60,15 @@ def test_by_levers_a_pair_touches_when_its_joints_get_there_all_errors_considere
     assert times[0, 0] == pytest.approx(root.max() - age, rel=1e-6)
 
 
-def test_no_pair_that_is_passed_over_is_sooner_than_what_is_told():
+def test_no_pair_that_is_passed_over_is_sooner_than_a_reported_one():
     guard = crowded_guard(lambda sentence: None)
     n = len(guard.q_names)
     phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, n)
     q, velocity = guard.home, np.zeros(n)
     later = passed_over = 0
     for k in range(CYCLES):
-        wish = 0.15 * np.sin(2.0 * np.pi * 0.7 * k * 1e-3 + phases)
-        command = guard.filter(q, wish, k * 1e-3, velocity=velocity)
+        desired = 0.15 * np.sin(2.0 * np.pi * 0.7 * k * 1e-3 + phases)
+        command = guard.filter(q, desired, k * 1e-3, velocity=velocity)
         near = command.verdict.near
         times = np.zeros((len(near), 2))
         look_at_all(guard._lines, times)
@@ -76,10 +76,10 @@ def test_no_pair_that_is_passed_over_is_sooner_than_what_is_told():
         for name, cue in command.verdict.cues.items():
             own = [f"{name}/" in f"{p.a} {p.b}" for p in near]
             assert cue.time_to_contact == times[own, 1].min(initial=np.inf)
-        told = np.array([p.time_to_contact for p in near])
-        assert np.all((told == times[:, 0]) | (told == times[:, 1]))
+        reported = np.array([p.time_to_contact for p in near])
+        assert np.all((reported == times[:, 0]) | (reported == times[:, 1]))
         later += np.sum(times[:, 0] < times[:, 1])
-        passed_over += np.sum(told < times[:, 1])
+        passed_over += np.sum(reported < times[:, 1])
         velocity = command.velocity
         q = q + velocity * 1e-3
     assert 0 < passed_over < later

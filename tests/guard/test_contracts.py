@@ -1,4 +1,4 @@
-"""Contracts anybody may ask for, who holds what, and the models of a gripper."""
+"""Contracts that a client may request, held objects, and the models of a gripper."""
 
 import numba
 import numpy as np
@@ -106,7 +106,7 @@ def test_a_contract_expires_and_then_the_arm_holds():
     assert loop.guard.contracts == ()
 
 
-def test_what_moves_by_itself_faster_than_a_contract_bears_keeps_its_distance():
+def test_an_object_that_moves_faster_than_a_contract_permits_keeps_its_distance():
     scene = pick_scene(blocks={})
     scene.add(
         Box(size=(0.1, 0.1, 0.04)),
@@ -230,9 +230,9 @@ def test_hand_over_and_two_grippers_on_one_object(kind):
     with pytest.raises(GraspError, match="already"):
         guard.grasp("second", "bar")
     # Both lift together.
-    wish = {"first/z": 0.04, "second/z": 0.04}
+    desired = {"first/z": 0.04, "second/z": 0.04}
     before = middle_of(guard, "bar").copy()
-    loop.push(wish, 500)
+    loop.push(desired, 500)
     lifted = middle_of(guard, "bar")[2] - before[2]
     assert lifted == pytest.approx(0.02, abs=2e-3)
     guard.release("first", "bar")
@@ -408,7 +408,7 @@ def slides_in_contract(gap=0.003, speed=0.1):
     ("before", "share", "kept"),
     [(1.0, 0.97, True), (1.0, 1.01, False), (0.9, 0.94, True), (0.9, 0.96, False)],
 )
-def test_what_is_commanded_again_may_use_all_a_contract_bears_and_what_is_new_less(
+def test_a_repeated_command_may_use_all_of_a_contract_and_a_new_one_less(
     before, share, kept
 ):
     guard, _ = slides_in_contract()
@@ -419,7 +419,7 @@ def test_what_is_commanded_again_may_use_all_a_contract_bears_and_what_is_new_le
 
 
 @pytest.mark.parametrize("relieved", [(0, 0), (0, 1), (1, 0)])
-def test_a_contract_that_is_exceeded_relieves_nobody(relieved):
+def test_a_contract_that_is_exceeded_relieves_no_pair(relieved):
     guard, contract = slides_in_contract()
     contract.state = ContractState.EXPIRED
     watch = guard._watch
@@ -432,7 +432,7 @@ def test_a_contract_that_is_exceeded_relieves_nobody(relieved):
 
 
 @pytest.mark.parametrize("leaves", [0, 1])
-def test_who_leaves_what_a_contract_allowed_lacks_nothing_yet(leaves):
+def test_a_slide_that_leaves_what_a_contract_allowed_lacks_nothing_yet(leaves):
     guard, contract = slides_in_contract()
     contract.state = ContractState.EXPIRED
     watch = guard._watch

@@ -57,7 +57,7 @@ def test_within_the_margin_is_caution_and_within_the_buffer_a_stop():
             assert verdict.nearest.headroom == pytest.approx(gap - 0.03048, abs=1e-12)
 
 
-def test_a_wider_margin_tells_pairs_that_are_farther_apart():
+def test_a_wider_margin_reports_pairs_that_are_farther_apart():
     scene = wall_scene()
     q = np.array([-0.5, -0.5, 0.0])
     assert Guard(scene).step(q).nearest is None
@@ -136,7 +136,7 @@ def test_a_joint_that_is_no_number_stops_with_its_name(guard, bad, joint):
     assert guard.step(guard.home).level is Level.CLEAR
 
 
-def test_a_joint_outside_its_limits_stops_and_distances_are_still_told(guard):
+def test_a_joint_outside_its_limits_stops_and_distances_are_still_reported(guard):
     verdict = guard.step(np.array([0.0, 2.5, 0.0]))
     assert verdict.reason is Reason.OUT_OF_LIMITS
     assert verdict.level is Level.STOP
@@ -229,7 +229,7 @@ def test_the_page_of_concepts_has_every_reason_with_its_level():
     assert known <= set(rows)
 
 
-def test_a_robot_that_stands_in_something_at_home_is_refused():
+def test_a_robot_that_overlaps_something_at_home_is_refused():
     scene = wall_scene()
     scene.add(Sphere(radius=0.2), name="ball", pose=Pose(xyz=(0.3, 0, 0.2)))
     with pytest.raises(HomeContactError, match="arm/link1 and ball by") as caught:

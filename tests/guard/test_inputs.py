@@ -48,7 +48,7 @@ NOW = 2 * PERIOD
 AHEAD = NOW + 0.0005
 
 # What is given, which reason that must lead to, and what its sentence must hold. A name
-# of the left robot stands for one of the right where the guard is known to mistake it.
+# of the left robot replaces one of the right where the guard is known to mistake it.
 CASES = {
     "no stamp at all": (
         {"stamp": None},
@@ -171,7 +171,7 @@ def prepare_at_limit(guard, q, case):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_its_sentence_names_who_it_is_about(guard, case):
+def test_its_sentence_names_what_it_is_about(guard, case):
     given, _, says = CASES[case]
     prepare_at_limit(guard, given.get("q"), case)
     verdict = give(guard, given)
@@ -182,7 +182,7 @@ def test_its_sentence_names_who_it_is_about(guard, case):
 
 
 def give(guard, given):
-    """A cycle in which one thing is wrong."""
+    """A cycle with one wrong input."""
     whole = {"q": STILL, "stamp": NOW, "velocity": STILL, **given}
     return guard.step(
         whole["q"], whole["stamp"], velocity=whole["velocity"], now=whole.get("now")
@@ -215,7 +215,7 @@ def test_an_object_that_is_not_there_need_not_be_seen():
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_causes_tell_the_reason_later_too(guard, case):
+def test_causes_name_the_reason_later_too(guard, case):
     given, reason, _ = CASES[case]
     prepare_at_limit(guard, given.get("q"), case)
     verdict = give(guard, given)

@@ -30,15 +30,15 @@ CYCLES = 167
 
 def spoilt(rng, q, v):
     """Measurements and command of a cycle, in one of ten with a fault."""
-    q, v, wish = q.copy(), v.copy(), rng.uniform(-1.0, 1.0, len(q))
+    q, v, desired = q.copy(), v.copy(), rng.uniform(-1.0, 1.0, len(q))
     kind, joint = rng.integers(0, 30), rng.integers(0, len(q))
     if kind == 0:
         q[joint] = np.nan
     elif kind == 1:
         v[joint] = 99.0
     elif kind == 2:
-        wish[joint] = np.inf
-    return q, v, wish
+        desired[joint] = np.inf
+    return q, v, desired
 
 
 def random_cycles(guard, rng):
@@ -54,9 +54,9 @@ def random_cycles(guard, rng):
         for k in range(rng.integers(3, 30)):
             now = (k + 50 * (rng.random() < 0.02)) * PERIOD
             at = np.clip(q + k * v * PERIOD, low, high)
-            seen, speed, wish = spoilt(rng, at, v if k else 0.0 * v)
+            seen, speed, desired = spoilt(rng, at, v if k else 0.0 * v)
             if filters:
-                command = guard.filter(seen, wish, now, velocity=speed, now=now)
+                command = guard.filter(seen, desired, now, velocity=speed, now=now)
                 yield command.verdict, command
             else:
                 yield guard.step(seen, now, velocity=speed, now=now), None
@@ -116,9 +116,9 @@ def test_a_held_robot_comes_first_in_the_words(mode):
     guard = Guard(in_mode(bay_scene(), mode), self_test=False)
     still, held = np.zeros(len(guard.home)), []
     for k in range(600):
-        wish = still + (np.inf if k == 5 else 0.2)
+        desired = still + (np.inf if k == 5 else 0.2)
         now = k * PERIOD
-        command = guard.filter(guard.home, wish, now, velocity=still, now=now)
+        command = guard.filter(guard.home, desired, now, velocity=still, now=now)
         check(command.verdict)
         held.append(check_held(command))
     assert held[-1] == len(guard.tables.robots)

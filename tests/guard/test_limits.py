@@ -37,7 +37,7 @@ def at_limit(request):
 
 
 def seen(guard, beyond, side, count=3):
-    """Verdict of a joint that stands still and is measured beyond its limit."""
+    """Verdict of a joint at rest that is measured beyond its limit."""
     guard.reset()
     q = [side * (LIMIT + beyond), 0.0]
     for k in range(count):
@@ -88,22 +88,22 @@ class Noisy(Driven):
         super().__init__(guard, **options)
         self.rng = np.random.default_rng(seed)
 
-    def cycle(self, wish, form="filter"):
+    def cycle(self, desired, form="filter"):
         true = self.q
         self.q = true + self.rng.choice([-1.0, 1.0], len(true)) * ERROR
-        command = super().cycle(wish, form)
+        command = super().cycle(desired, form)
         self.q = true + self.v * PERIOD
         return command
 
 
-def test_an_arm_at_its_limit_stands_still_and_is_led_inwards(at_limit):
+def test_an_arm_at_its_limit_rests_and_is_led_inwards(at_limit):
     guard, side = at_limit
     guard.reset()
     loop = Noisy(guard)
     loop.run([0.0, 0.0], 300)
     assert loop.stops == []
     assert not np.any([c.velocity for c in loop.commands])
-    # Outwards it is told nothing.
+    # Outwards it gets no command.
     loop.run([side * 0.5, 0.0], 300)
     assert not np.any([c.velocity for c in loop.commands])
     loop.run([-side * 0.5, 0.0], 300)
@@ -119,16 +119,16 @@ def test_what_creeps_beyond_its_limit_is_led_back(at_limit, delay):
     beyond = []
     for _ in range(3000):
         loop.cycle([0.0, 0.0])
-        # It misses what it is told outwards, all the time.
+        # It misses its commands outwards, all the time.
         loop.q[0] += side * 0.99 * MISSED * PERIOD
         loop.v[0] += side * 0.99 * MISSED
         beyond.append(side * loop.q[0] - LIMIT)
     assert loop.stops == []
     assert max(beyond) <= led_beyond(guard.tables)[0]
     # It was led back, and is so for as long as it creeps.
-    told = [side * c.velocity[0] for c in loop.commands]
-    assert min(told) == pytest.approx(-MISSED)
-    assert max(told) == 0.0
+    commanded = [side * c.velocity[0] for c in loop.commands]
+    assert min(commanded) == pytest.approx(-MISSED)
+    assert max(commanded) == 0.0
 
 
 @pytest.mark.parametrize("ramp", [0.0, 0.05])
@@ -141,8 +141,8 @@ def test_no_stop_carries_a_joint_beyond_its_limit(ramp, settle):
     loop.run([2.0, 0.0], 100)
     farthest = 0.0
     while loop.cycle([2.0, 0.0]).velocity[0] > 0.0:
-        # A stop told now: what is under way first, then as little as it must brake.
-        under_way = [told[0] + MISSED for told in loop.queue]
+        # A stop ordered now: what is under way first, then as little as it must brake.
+        under_way = [commanded[0] + MISSED for commanded in loop.queue]
         v = float(under_way[-1])
         way = PERIOD * sum(under_way) + 0.5 * v * ramp + 0.5 * v * v / f.deceleration[0]
         way += settle * v / f.velocity[0]

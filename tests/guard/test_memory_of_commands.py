@@ -171,17 +171,17 @@ def known_under_way(sent, since, j, top):
     return around, (min(drives, default=np.inf), max(drives, default=-np.inf))
 
 
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("has_time", [True, False])
 @pytest.mark.parametrize("count", range(9))
-def test_what_is_under_way_is_what_was_sent_since_and_the_last_before(count, told):
+def test_what_is_under_way_is_what_was_sent_since_and_the_last_before(count, has_time):
     rng = np.random.default_rng(1)
     for _ in range(30):
         v, m, sent = memory(rng, count)
-        if not told:
+        if not has_time:
             v.given.now = np.nan
         look(v, m)
         for j in range(JOINTS):
-            since = v.stamps[j] - DELAY - (0.0 if told else SENSING)
+            since = v.stamps[j] - DELAY - (0.0 if has_time else SENSING)
             top = m.joint_figures[j].velocity
             around, drives = known_under_way(sent, since, j, top)
             assert tuple(v.under_way[j]) == pytest.approx(around)
@@ -223,7 +223,7 @@ def test_what_is_new_is_taken_back_to_what_is_under_way(share):
 
 
 @pytest.mark.parametrize("phase", [RUNNING, RECOVERING, RESTING])
-def test_a_joint_that_is_faster_than_it_was_told_is_named_with_its_speed(phase):
+def test_a_joint_that_is_faster_than_its_commands_is_named_with_its_speed(phase):
     rng, out = np.random.default_rng(5), records(1, Header)[0]
     for beyond in (-1e-3, 1e-3):
         for sign in (-1.0, 1.0):
@@ -310,7 +310,7 @@ def test_a_robot_is_led_to_rest_as_its_stop_is_declared():
         assert v.wanted[0] == pytest.approx(np.sign(last) * max(abs(last) - 0.04, 0.0))
 
 
-def test_what_is_sent_is_remembered_with_who_is_held():
+def test_commands_are_remembered_with_the_robots_that_are_held():
     rng = np.random.default_rng(8)
     for count in range(7):
         v, m, _ = memory(rng, count)

@@ -165,7 +165,7 @@ def test_a_pair_closes_as_fast_as_the_worst_corner_of_its_velocities(moves):
         velocities = np.sort(rng.normal(size=(4, 2)), axis=1)
         both = moves == "both"
         clock = records(2 * PLANS, StopClock)
-        # The last joint is of a robot that stands still.
+        # The last joint is of a robot at rest.
         clock[1].still = 1
         m = record(
             rate=np.zeros(2 if both else 1),

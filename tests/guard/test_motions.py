@@ -1,4 +1,4 @@
-"""A sample of `make motion`: lines past thin things, and times to contact."""
+"""A sample of `make motion`: lines past thin bodies, and times to contact."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from motions.thin import GRAIN, ThinWorld, check_lines
 
 
 @pytest.mark.parametrize("needle", [False, True])
-def test_no_line_past_a_thin_thing_is_called_clear_that_touches_it(needle):
+def test_no_line_past_a_thin_body_is_called_clear_that_touches_it(needle):
     world, rng = ThinWorld(0.0, needle), np.random.default_rng(11)
     found = check_lines(world, [world.draw(rng) for _ in range(100)])
     touching = found.touching(0.0)
@@ -39,7 +39,7 @@ def test_the_judge_of_lines_finds_what_dense_samples_find():
             assert dense - apart <= least <= dense + GRAIN
 
 
-def test_no_time_to_contact_is_told_too_long():
+def test_no_time_to_contact_is_reported_too_long():
     bay, rng = Bay(), np.random.default_rng(5)
     rows = [row for _ in range(4) for row in state_rows(bay, rng)]
     found = summed_up(rows)

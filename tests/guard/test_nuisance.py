@@ -1,4 +1,4 @@
-"""Nuisance: synthetic causes are told as what they are."""
+"""Nuisance: synthetic causes are classified as what they are."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def guard():
     return ball_guard()
 
 
-def test_nothing_is_told_where_nothing_slows(guard):
+def test_no_cause_is_reported_where_nothing_slows(guard):
     assert moving(guard, 0.5, 0.1).nuisance is None
     assert classify(Level.CAUTION, Reason.NEAR, None) is None
 
@@ -60,7 +60,7 @@ def test_the_same_deficit_with_data_in_time_is_not_stale(guard):
     assert verdict.nuisance.cause is Cause.LATENCY
 
 
-def test_a_slow_is_told_too(guard):
+def test_a_slow_is_reported_too(guard):
     verdict = moving(guard, 0.2, 1.0)
     assert verdict.level is Level.SLOW
     assert verdict.nuisance.cause is Cause.TRUE_NEED
@@ -153,23 +153,23 @@ def channel():
     return np.array(whole.vertices), np.array(whole.faces)
 
 
-def test_what_is_mended_with_less_is_told_first():
+def test_the_cause_with_the_smallest_remedy_is_reported_first():
     late = Delayed("left", way=0.010, time=0.010, excess=0.004)
     early = Delayed("right", way=0.010, time=0.010, excess=0.0)
-    told = [
+    causes = [
         by_length(Lack(deficit, 0.006, (late, early)))
         for deficit in (0.003, 0.005, 0.012, 0.030)
     ]
-    assert [t.cause for t in told] == [
+    assert [t.cause for t in causes] == [
         Cause.STALE,
         Cause.ENVELOPE,
         Cause.LATENCY,
         Cause.TRUE_NEED,
     ]
-    assert told[0].remedy == "deliver measurements of 'left' 3.0 ms sooner"
-    assert told[2].remedy == "react 6.0 ms faster: period, late, or delays"
+    assert causes[0].remedy == "deliver measurements of 'left' 3.0 ms sooner"
+    assert causes[2].remedy == "react 6.0 ms faster: period, late, or delays"
 
 
-def test_a_stop_under_way_is_told_once():
+def test_a_stop_under_way_is_reported_once():
     assert classify(Level.STOP, Reason.STOPPING, None) is None
     assert classify(Level.RECOVER, Reason.RESTING, None) is None

@@ -77,8 +77,8 @@ def test_whatever_came_and_went_the_verdict_is_that_of_a_fresh_guard(kind):
 
 def unchecked_home(scene):
     """A guard of a scene whose objects may overlap the arm at home."""
-    everyone = {name: thing.present for name, thing in scene.objects.items()}
-    poses = {name: thing.pose for name, thing in scene.objects.items()}
+    everyone = {name: item.present for name, item in scene.objects.items()}
+    poses = {name: item.pose for name, item in scene.objects.items()}
     guard = Guard(workshop(scene.index.kind))
     for name, present in everyone.items():
         if present:

@@ -1,4 +1,4 @@
-"""A loop at another rate than its scene declares is told both figures and the key."""
+"""A loop at another rate than its scene declares gets both figures and the key."""
 
 import logging
 import re
@@ -14,12 +14,12 @@ RATES = (30.0, 50.0, 100.0, 125.0, 250.0, 500.0, 1000.0)
 
 
 def loop(guard, rate, cycles, speed=0.05):
-    """Arms that do as they are told at some rate; the commands."""
+    """Arms that follow their commands at some rate; the commands."""
     q, v = guard.home, 0.0 * guard.home
     commands = []
     for k in range(cycles):
-        wish, now = np.full(len(q), speed), k / rate
-        command = guard.filter(q, wish, now, velocity=v, now=now)
+        desired, now = np.full(len(q), speed), k / rate
+        command = guard.filter(q, desired, now, velocity=v, now=now)
         v = command.velocity
         q = q + v / rate
         commands.append(command)
@@ -42,7 +42,7 @@ def test_at_the_declared_rate_it_moves_and_is_never_stopped(rate, caplog):
 
 
 @pytest.mark.parametrize("rate", RATES[:-1])
-def test_at_a_lower_rate_it_is_told_both_figures_and_the_key(rate, caplog):
+def test_at_a_lower_rate_both_figures_and_the_key_are_named(rate, caplog):
     guard = Guard(scene_of(0.001), self_test=False)
     with caplog.at_level(logging.WARNING, logger="armguard"):
         commands, _ = loop(guard, rate, 100)
@@ -53,9 +53,9 @@ def test_at_a_lower_rate_it_is_told_both_figures_and_the_key(rate, caplog):
         "period 1.0 ms (+ late 0.0 ms): set Scene(period="
     )
     assert len(caplog.records) == 1
-    told = caplog.records[0].getMessage()
-    assert told.startswith(f"cycles come every {1e3 / rate:.1f} ms, ")
-    for sentence in (said, told):
+    warning = caplog.records[0].getMessage()
+    assert warning.startswith(f"cycles come every {1e3 / rate:.1f} ms, ")
+    for sentence in (said, warning):
         # What it says to set is enough, and no more than that.
         code = re.search(r"Scene\(period=([\d.]+)\)", sentence)
         keys = re.search(r"`cycle: \{period: ([\d.]+)\}`", sentence)
@@ -97,7 +97,7 @@ def test_late_cycles_now_and_then_are_no_slower_loop(passed, caplog):
     assert not caplog.records
 
 
-def test_jitter_is_told_as_late(caplog):
+def test_jitter_is_reported_as_late(caplog):
     pace = Pace(0.001, 0.0005)
     for row in answers(*[0.0195, 0.0205] * IN_A_ROW):
         pace.note(row)
@@ -107,6 +107,6 @@ def test_jitter_is_told_as_late(caplog):
     assert "`cycle: {period: 0.02, late: 0.0005}`" in record.getMessage()
 
 
-def test_a_service_is_told_its_rate():
+def test_a_late_cycle_of_a_service_names_the_rate_to_set():
     assert "--rate 50;" in late_sentence(0.02, 0.001, 0.0)
     assert "--rate 29.94;" in late_sentence(1.0 / 30.0, 0.001, 0.0)

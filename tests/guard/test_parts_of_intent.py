@@ -44,9 +44,7 @@ STATES = [
 
 
 @pytest.mark.parametrize(("one", "other", "over", "spent"), STATES)
-def test_what_was_meant_is_forgotten_once_all_its_contracts_are_over(
-    one, other, over, spent
-):
+def test_a_target_is_forgotten_once_all_its_contracts_are_over(one, other, over, spent):
     h = record(
         grippers=records(2, GripperRow),
         contracts=records(6, ContractRow),
@@ -55,11 +53,11 @@ def test_what_was_meant_is_forgotten_once_all_its_contracts_are_over(
     own.first_finger, own.end_finger = 3, 5
     h.contracts["state"] = ContractState.IN_FORCE
     h.contracts["state"][3:5] = one, other
-    for meant in (-1, 0, 5):
-        own.target, own.expired_target = meant, 7
+    for intended in (-1, 0, 5):
+        own.target, own.expired_target = intended, 7
         settle(h)
-        assert own.target == (-1 if over else meant)
-        assert own.expired_target == (meant if spent and meant >= 0 else 7)
+        assert own.target == (-1 if over else intended)
+        assert own.expired_target == (intended if spent and intended >= 0 else 7)
 
 
 # Speed of the object down and across, as shares of its greatest; whether it was put
@@ -83,7 +81,7 @@ def test_what_was_meant_is_forgotten_once_all_its_contracts_are_over(
 def test_what_is_put_down_comes_slowly_and_towards_it(
     down, across, again, known, carried
 ):
-    """On two slides; what it is put on stands still, or is carried by another one."""
+    """On two slides; what it is put on is stationary, or is carried by another one."""
     axes = np.zeros((4, 6))
     axes[:, :3] = [(0, 0, -1), (1, 0, 0), (0, 0, -1), (1, 0, 0)]
     m = record(
@@ -164,13 +162,13 @@ def down(speed, across=0.0):
     return np.array([across, 0.0, -speed, 0.0, 0.0])
 
 
-@pytest.mark.parametrize("meant", [-1, 0])
+@pytest.mark.parametrize("intended", [-1, 0])
 @pytest.mark.parametrize("speed", [0.015, 0.05])
-def test_what_is_meant_most_is_nearest_to_the_way_and_to_the_middle(speed, meant):
+def test_the_target_is_the_block_nearest_to_the_way_and_to_the_middle(speed, intended):
     """A way straight down leads past the first block as far as it is beside it."""
     for offset in (-BLOCK[0], 0.005, 0.97 * AIMED):
         guard = over_blocks(offset)
-        guard._grips.grippers[0].target = meant
+        guard._grips.grippers[0].target = intended
         beside = max(offset, 0.0)
         known = beside + 0.25 * np.hypot(beside, HEIGHT)
         # What was in the scratch does not matter.
@@ -180,29 +178,29 @@ def test_what_is_meant_most_is_nearest_to_the_way_and_to_the_middle(speed, meant
         assert score(1, down(speed), np.zeros(16), guard._lines.ctypes.data) == np.inf
 
 
-@pytest.mark.parametrize("meant", [False, True])
-def test_a_way_that_leads_past_it_means_nothing(meant):
-    most = (1.25 if meant else 1.0) * AIMED
+@pytest.mark.parametrize("intended", [False, True])
+def test_a_way_that_leads_past_it_means_nothing(intended):
+    most = (1.25 if intended else 1.0) * AIMED
     for share in (0.97, 1.03):
         guard = over_blocks(share * most)
-        guard._grips.grippers[0].target = 0 if meant else -1
+        guard._grips.grippers[0].target = 0 if intended else -1
         found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
         assert (found == np.inf) == (share > 1.0)
 
 
-def test_what_a_contract_was_spent_on_is_meant_only_by_who_still_means_it():
+def test_the_object_of_a_spent_contract_is_a_target_only_while_it_stays_one():
     guard = over_blocks(0.0)
     own = guard._grips.grippers[0]
     own.expired_target = 0
-    for meant, spent in ((-1, True), (1, True), (0, False)):
-        own.target = meant
+    for intended, spent in ((-1, True), (1, True), (0, False)):
+        own.target = intended
         found = score(0, down(0.05), np.zeros(16), guard._lines.ctypes.data)
         assert (found == np.inf) == spent
         assert own.expired_target == 0
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
-def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
+def test_another_block_is_the_target_only_if_it_is_nearer_by_more_than_5_mm(share):
     apart = 2.0 * BLOCK[0] + 0.03
 
     def nearer_by(offset):
@@ -232,7 +230,7 @@ def test_another_block_is_meant_only_if_it_is_nearer_by_more_than_5_mm(share):
 
 @pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("speed", [-0.05, 0.05])
-def test_what_is_meant_is_read_from_what_is_asked_or_measured(speed, filtered):
+def test_the_target_is_read_from_desired_or_measured_motion(speed, filtered):
     guard = over_blocks(0.0)
     for k in range(1, 4):
         time, velocity = k * 1e-3, down(speed)

@@ -62,7 +62,7 @@ def test_the_persons_way_grows_with_the_time_since_it_was_seen(person):
     assert old.s_h - fresh.s_h >= SPEED * 0.043 - 1e-9
 
 
-def test_it_is_none_where_nobody_stands():
+def test_it_is_none_where_no_person_is():
     guard = ball_guard()
     verdict = moving(guard, 0.1, 0.5)
     assert verdict.protective_distance is None
@@ -100,6 +100,8 @@ def test_of_another_arm_its_own_reaction_and_stopping_take_the_persons_place():
 
 
 def test_it_is_part_of_the_verdict_as_numbers(person):
-    told = moving(person, 0.3, 1.0).to_dict()["protective_distance"]
+    reported = moving(person, 0.3, 1.0).to_dict()["protective_distance"]
     letters = ("s_h", "s_r", "s_s", "c", "z_d", "z_r")
-    assert sum(told[x] for x in letters) == pytest.approx(told["total"], abs=1e-12)
+    assert sum(reported[x] for x in letters) == pytest.approx(
+        reported["total"], abs=1e-12
+    )

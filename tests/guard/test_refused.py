@@ -10,7 +10,7 @@ from sliding import EXACT, let_go, motion_of, rest_of, slides
 PERIOD = 1e-3
 SPEED = 1.0
 
-# Figures of a slide whose stop tells by its speed alone that it was ordered too early.
+# Figures of a slide whose speed alone shows that its stop was ordered too early.
 FIGURES = {"command": 0.004, "deceleration": 4.0, "sensing": 0.002, "stale": 0.02}
 
 
@@ -80,8 +80,8 @@ def run(case, age=0.001, begin=5.0):
         way = np.interp(since, times, ways) if since > 0.0 else SPEED * since
         speed = np.interp(since, times, speeds) if since > 0.0 else SPEED
         given = [way - 20.0], [speed], now - age, now
-        q, stamp, v, told = (change if k == fault else still)(*given)
-        verdict = guard.step(q, stamp, velocity=v, now=told)
+        q, stamp, v, time = (change if k == fault else still)(*given)
+        verdict = guard.step(q, stamp, velocity=v, now=time)
         if k == fault:
             refused = verdict, guard._watch.ordered[0]
         elif k > fault:

@@ -50,7 +50,7 @@ def path_bay(mode="path", index=None, **changes):
 
 
 def arm_scene(mode="path", figures=FIGURES, **settings):
-    """One planar arm, and a wall whose face stands at y = 0.5."""
+    """One planar arm, and a wall whose face is at y = 0.5."""
     scene = wall_scene(mode=mode, **settings)
     robot = scene.robots["arm"]
     stopping = stopping_figures(robot.model, **figures)
@@ -68,7 +68,7 @@ class Robot:
         self.t, self.ordered, self.braked = 0.0, None, None
         self.verdicts = []
 
-    def cycle(self, wish):
+    def cycle(self, desired):
         """One cycle: measure, ask, obey for a period."""
         verdict = self.guard.step(self.q, self.t, velocity=self.v, now=self.t)
         self.verdicts.append(verdict)
@@ -88,7 +88,7 @@ class Robot:
                 rising = min((self.t - self.ordered) / self.f["ramp"], 1.0)
                 self.slow(self.weak * self.f["deceleration"] * rising * dt)
             else:
-                change = np.clip(wish - self.v, -1, 1) * self.f["acceleration"] * dt
+                change = np.clip(desired - self.v, -1, 1) * self.f["acceleration"] * dt
                 self.v = np.clip(self.v + change, -self.f["velocity"], 1.5)
             self.q += 0.5 * dt * (before + self.v)
             self.t += dt
@@ -132,12 +132,12 @@ def test_time_left_and_scale_fall_on_the_way(wall_guard):
     robot = drive_at_wall(wall_guard, 700)
     levels = [v.level for v in robot.verdicts]
     before = robot.verdicts[: levels.index(Level.STOP)]
-    told = [v for v in before if v.level is Level.SLOW]
-    scales = np.array([v.speed_scale["arm"] for v in told])
+    slowed = [v for v in before if v.level is Level.SLOW]
+    scales = np.array([v.speed_scale["arm"] for v in slowed])
     assert len(scales) > 20
     assert ((scales > 0.0) & (scales <= 1.0)).all()
     assert (np.diff(scales[-20:]) < 0.0).all()
-    assert told[-1].headroom.s < 0.005
+    assert slowed[-1].headroom.s < 0.005
 
 
 def test_a_stop_slower_than_declared_is_answered_by_the_brake(wall_guard):
@@ -307,7 +307,7 @@ def test_an_object_that_moves_counts_with_its_speed_and_age():
         assert verdict.budget.object >= 0.5 * age
     assert needed[1] - needed[0] == pytest.approx(0.05, abs=1e-3)
     assert needed[2] - needed[1] == pytest.approx(0.05, abs=1e-3)
-    # Where nobody says what time it is, the object too may be as old as the arm.
+    # Without a time of the cycle, the object too may be as old as the arm.
     budgets = []
     for now in (None, 1.1):
         guard.reset()
@@ -331,7 +331,7 @@ def test_mixed_modes_guard_one_scene():
     guard = Guard(scene)
     q = guard.home
     assert guard.step(q, 0.0, velocity=np.zeros(6)).level < Level.STOP
-    # The fixed one stands where the other's way leads to.
+    # The fixed one is where the other's way leads to.
     q[3] = -1.4
     verdicts = []
     for k in range(1, 900):

@@ -62,7 +62,7 @@ def test_the_exact_shapes_let_pass_what_primitives_would_stop(guard):
     assert np.abs(gap).max() < 1e-12
 
 
-def test_the_distance_is_the_larger_of_both_and_asked_for_only_in_need(guard):
+def test_the_distance_is_the_larger_of_both_and_computed_only_in_need(guard):
     refined = 0
     for turn in np.linspace(0.4, 1.4, 41):
         for near in guard.step(inwards(guard, turn)).near:

@@ -24,7 +24,7 @@ from armguard.scene import Scene
 from arms import simple_arm
 from sliding import APART, EXACT, at_gap, slide
 
-# Where the second arm stands, and how it is turned [m], [rad].
+# Where the second arm is fixed, and how it is turned [m], [rad].
 SECOND, TURN = (1.3, 0.7, 0.0), -2.0
 
 
@@ -45,12 +45,12 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
     guard = Guard(moving_bay())
     rng = np.random.default_rng(5)
     low, high = guard.tables.lower, guard.tables.upper
-    told = opened = 0
-    while told < 200:
+    reported = opened = 0
+    while reported < 200:
         guard.reset()
         q = np.clip(guard.home + rng.normal(0.0, 0.6, guard.home.shape), low, high)
         v = rng.uniform(-0.5, 0.5, q.shape)
-        # What stands at its limit does not move on.
+        # A joint at its limit does not move on.
         v[(q + 2 * v * PERIOD < low) | (q + 2 * v * PERIOD > high)] = 0.0
         for k in range(3):
             verdict = guard.step(
@@ -61,7 +61,7 @@ def test_a_sentence_sums_to_its_total_in_200_states_of_the_bay():
             )
         if verdict.budget is None:
             continue
-        told += 1
+        reported += 1
         total, terms = terms_of(verdict.budget.sentence)
         sum_of = max(sum(terms.values()), terms["floor"])
         assert sum_of == pytest.approx(total, abs=0.01)
@@ -181,7 +181,7 @@ def test_age_grows_the_need_by_speed_times_delay(delay):
     late = moving(guard, 0.06, top, age=aged)
     assert late.ages["arm"] == pytest.approx(aged, abs=1e-9)
     grown = late.budget.needed - fresh.budget.needed
-    # Told before it binds, the need is that of the fastest point, one metre out.
+    # Reported before it binds, the need is that of the fastest point, one metre out.
     assert grown == pytest.approx(1.0 * top * delay, abs=1e-3)
     # Where it binds it is that of the points that would meet.
     binds = [gap_of(guard, top, 0.0, age=age) for age in (old, aged)]

@@ -145,20 +145,20 @@ def test_a_row_that_is_no_number_is_left_to_the_exact_test():
     assert box_meets_cell(world.rows[0], 0.0, cell, 1e-10) == 0
 
 
-def test_what_stands_costs_less_than_three_hundred_bytes():
+def test_a_stationary_box_costs_less_than_three_hundred_bytes():
     """Boxes of a million, as sparse: the tree's share does not depend on how many."""
     world = boxes_world(14, 100_000, 0.05)
     octree = Octree(world)
     bytes_of_world = sum(array.nbytes for array in world)
     assert (octree.nbytes + bytes_of_world) / len(world.kinds) <= 300.0
-    # Room for what moves is not a multiple of what stands.
+    # Room for moving boxes is not a multiple of that for stationary ones.
     nodes, entries = octree.state.nodes, octree.state.entries
     header = octree.state.header
     assert len(nodes) - header[0].nodes_used < 20_000
     assert len(entries) - header[0].entries_used < 20_000
 
 
-def test_a_thousand_moving_boxes_lose_nobody():
+def test_a_thousand_moving_boxes_are_all_kept():
     movers, standing = 1000, 3000
     world = boxes_world(movers, standing, 0.05)
     rng = np.random.default_rng(0)

@@ -165,14 +165,14 @@ def spheres(centres, radius=0.05, growth=0.02, owners=None):
     return world
 
 
-def test_what_stands_in_one_place_is_split_only_to_the_depth_limit():
+def test_boxes_in_one_place_are_split_only_to_the_depth_limit():
     octree = Octree(spheres(np.zeros((30, 3))), leaf_capacity=2, max_depth=4)
     octree.check()
     assert octree.statistics()["most_objects_in_a_leaf"] == 30
     assert octree.candidates(0).tolist() == list(range(1, 30))
 
 
-def test_large_things_that_overlap_fill_no_memory_with_leaves():
+def test_large_boxes_that_overlap_fill_no_memory_with_leaves():
     world = spheres(np.zeros((12, 3)), radius=40.0, growth=0.0)
     octree = Octree(world, leaf_capacity=2, max_depth=10)
     octree.check()
@@ -320,12 +320,12 @@ def test_a_row_that_is_not_finite_is_refused():
         Octree(world)
 
 
-def test_an_id_nobody_has_is_refused():
+def test_an_unknown_id_is_refused():
     with pytest.raises(OctreeError, match="no primitive 3; there are 1"):
         Octree(spheres([[0, 0, 0]])).candidates(3)
 
 
-def test_brute_force_offers_everybody_who_is_present():
+def test_brute_force_offers_every_box_that_is_present():
     brute = BruteForce(spheres(np.zeros((5, 3))))
     brute.remove(3)
     assert brute.candidates(0).tolist() == [1, 2, 4]

@@ -85,11 +85,11 @@ MESSAGES = {
     ),
     "a desired NaN": Mistake(
         *("is nan", "number 4, of 'left/joint4'", "send finite numbers"),
-        refused(lambda forger: forger.wish(np.r_[0, 0, 0, np.nan, np.zeros(10)])),
+        refused(lambda forger: forger.desired(np.r_[0, 0, 0, np.nan, np.zeros(10)])),
     ),
     "too few desired velocities": Mistake(
         *("13 numbers", "the scene has 14 joints", "send a number for each of `names`"),
-        refused(lambda forger: forger.wish(np.zeros(13))),
+        refused(lambda forger: forger.desired(np.zeros(13))),
     ),
     "too few positions": Mistake(
         *("13 numbers", "14 positions of its robots", "a number for each of `names`"),

@@ -5,7 +5,7 @@ from mistakes.mistake import Mistake
 
 
 def urdf(old, new):
-    """The file of the arm with one thing changed."""
+    """The file of the arm with one line changed."""
     assert old in TURN_AND_LIFT
     return TURN_AND_LIFT.replace(old, new)
 

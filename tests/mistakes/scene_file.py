@@ -6,7 +6,7 @@ from mistakes.mistake import Mistake
 def scene_text(
     period="0.02", stopping="{deceleration: 1.0}", robot="", rest="", urdf="r.urdf"
 ):
-    """A scene file of two arms with one thing changed."""
+    """A scene file of two arms with one line changed."""
     robot = robot or "home: {turn: 0.5, lift: 0.1}"
     return f"""cycle: {{period: {period}}}
 robots:

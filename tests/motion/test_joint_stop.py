@@ -39,7 +39,7 @@ def stop_of(
 def plant(rng, v, low, high, a, effect, ramp, brake, times):
     """Positions of one joint: an operator at will, then a stop, by small steps.
 
-    He drives it no farther out of [low, high] than it is.
+    The operator drives it no farther out of [low, high] than it is.
     """
     free = rng.choice([-a, a, 0.0], 20)
     return moved(free, v, min(low, v), max(high, v), effect, ramp, brake, times)

@@ -107,7 +107,7 @@ class Stopping:
 @pytest.mark.parametrize("kinds", ARMS)
 def test_what_no_motion_breaks_is_proven_and_what_one_does_is_not(kinds, drift):
     arm, rng = Stopping(kinds), np.random.default_rng(6)
-    told = []
+    tightness = []
     for _ in range(STATES):
         arm.draw(rng)
         left = arm.left(drift)
@@ -120,10 +120,10 @@ def test_what_no_motion_breaks_is_proven_and_what_one_does_is_not(kinds, drift):
             assert (proof == PROVEN) == (spare > 0.0)
             if proof == PROVEN:
                 assert 0.0 <= found <= spare + GRAIN
-                told.append(found / spare)
+                tightness.append(found / spare)
                 # What is known of the whole path holds for its parts.
                 again = prove(0.99 * spare, arm.pair, arm.address)
                 assert again == (PROVEN, pytest.approx(0.99 * spare, abs=loss))
                 assert again[1] >= 0.99 * spare
     # A pair that has little left is looked at in shorter spans.
-    assert np.mean(told) > 0.5
+    assert np.mean(tightness) > 0.5

@@ -1,6 +1,6 @@
 """The greatest of a quadratic form of joints over their ranges, and along their lines.
 
-No position of the joints exceeds what is told, and where the form is monotone in every
+No position of the joints exceeds the bound, and where the form is monotone in every
 joint one of them reaches it.
 """
 
@@ -55,7 +55,7 @@ def value(g, h, moves):
 
 @pytest.mark.parametrize("steep", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("joints", [1, 2, 3, 4])
-def test_no_position_in_the_ranges_exceeds_what_is_told(joints, steep):
+def test_no_position_in_the_ranges_exceeds_the_bound(joints, steep):
     for rng, g, h in forms(joints, steep):
         rows = records(joints, JointRow)
         width = rng.uniform(0.1, 1.0, joints)
@@ -93,7 +93,7 @@ def test_what_one_joint_decides_the_other_one_is_left_with():
 
 @pytest.mark.parametrize("steep", [0.3, 3.0, 30.0])
 @pytest.mark.parametrize("joints", [1, 2, 3])
-def test_no_position_on_a_line_exceeds_what_is_told_of_its_ends(joints, steep):
+def test_no_position_on_a_line_exceeds_the_bounds_of_its_ends(joints, steep):
     for rng, g, h in forms(joints, steep):
         rows = records(joints, JointRow)
         way, wide = rng.normal(size=joints), rng.uniform(0.0, 1.0, joints)
@@ -106,14 +106,14 @@ def test_no_position_on_a_line_exceeds_what_is_told_of_its_ends(joints, steep):
         places = shares(rng, joints)
         for u in PLACES:
             true = value(g, h, u * way + places * (wide + u * grow)).max()
-            told = 0.5 * ((1.0 - u) * ends[0] + (1.0 + u) * ends[1])
-            assert true <= told + GRAIN
+            bound = 0.5 * ((1.0 - u) * ends[0] + (1.0 + u) * ends[1])
+            assert true <= bound + GRAIN
         # In between the form bows above its ends by no more than this.
         bow = max(-0.5 * way @ h @ way, 0.0)
         bow += (np.abs(way) + 0.5 * np.abs(grow)) @ np.abs(h) @ np.abs(grow)
         corners = np.array(list(product((-1.0, 1.0), repeat=joints)))
-        for u, told in zip((-1.0, 1.0), ends, strict=True):
+        for u, bound in zip((-1.0, 1.0), ends, strict=True):
             width = wide + u * grow
             if (np.abs(g + u * h @ way) >= np.abs(h) @ width).all():
                 true = value(g, h, u * way + width * corners).max()
-                assert told == pytest.approx(true + bow, abs=GRAIN)
+                assert bound == pytest.approx(true + bow, abs=GRAIN)

@@ -119,13 +119,13 @@ def test_no_motion_within_its_figures_leaves_a_span(case, sign):
             assert (way >= low - GRAIN).all()
 
 
-def test_a_slide_that_was_told_to_stand_stops_going_back_as_hard_as_it_may():
+def test_a_slide_with_a_command_to_rest_stops_going_back_as_hard_as_it_may():
     figures = {"acceleration": 100.0, "command": 0.05, "deceleration": 5.0}
     guard, speed, x = slides(figures, period=PERIOD), -0.3, 0.0
     let_go(guard)
     for k in range(200):
-        now, wish = 5.0 + k * PERIOD, speed if k < 100 else 0.0
-        guard.filter([x], [wish], now, velocity=[speed], now=now)
+        now, desired = 5.0 + k * PERIOD, speed if k < 100 else 0.0
+        guard.filter([x], [desired], now, velocity=[speed], now=now)
         x += speed * PERIOD
         if k < 100:
             continue

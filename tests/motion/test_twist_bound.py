@@ -256,7 +256,7 @@ def test_no_pair_of_two_pandas_gets_nearer_or_faster(pandas, seed):
             delta = middle + width * rng.choice((-1.0, 1.0), n)
             gap = b[:, None] - a[None, :]
             ways = pandas.moved(j, b, delta)[:, None] - pandas.moved(i, a, delta)[None]
-            # Motion common to both does not count: distances of points tell.
+            # Motion common to both does not count: distances of points show that.
             change = np.linalg.norm(gap, axis=2) - np.linalg.norm(ways, axis=2)
             assert change.max() <= bounds[TRAVEL] + 1e-12
             rates = pandas.moved(j, b, step * delta)[:, None]

@@ -94,12 +94,12 @@ from mutants.trial import Trial, tests_of
 folder = Path(sys.argv[1])
 mutants = [Mutant(**one) for one in json.loads((folder / "mutants.json").read_text())]
 found = {}
-def told(mutant, outcome):
+def keep(mutant, outcome):
     found[mutant.identity] = vars(outcome)
 for attempt in range(2):
     trial = Trial(
         mutant_switch, mutants, mutants, folder / "dry.json", {"test_toy.py": "t"},
-        {}, 20.0, 2, told, print
+        {}, 20.0, 2, keep, print
     )
     assert pytest.main(list(tests_of(["test_toy.py"])), [trial]) == 0
     assert mutant_switch.chosen.value == -1

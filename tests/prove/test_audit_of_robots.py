@@ -8,7 +8,7 @@ from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene
 from audit_pairs import MeshContact
 
-# Configurations that Coal is asked for, all pairs together.
+# Configurations that Coal judges, all pairs together.
 SAMPLES = 10_000
 
 NEVER = [
@@ -47,8 +47,8 @@ def test_coal_finds_no_contact_in_what_is_proven_apart(
         joints = [panda.model.joints[name] for name in panda.model.q_names]
         low, high = [j.lower for j in joints], [j.upper for j in joints]
         for q in rng.uniform(low, high, (SAMPLES // len(NEVER), len(joints))):
-            told = dict(zip(panda.model.q_names, q, strict=True))
-            assert not judge.touch(proof.link_a, proof.link_b, told)
+            positions = dict(zip(panda.model.q_names, q, strict=True))
+            assert not judge.touch(proof.link_a, proof.link_b, positions)
         # Nor where it is nearest.
         assert not judge.touch(proof.link_a, proof.link_b, proof.nearest)
 

@@ -52,7 +52,7 @@ def turning(name, parent, child, xyz, limit, kind=JointKind.REVOLUTE):
 
 
 def tip_and_post(post, limit=1.0, kind=JointKind.REVOLUTE):
-    """Two rods of 1 m in a plane; a ball of 5 cm at the tip, one that stands still."""
+    """Two rods of 1 m in a plane; a ball of 5 cm at the tip, one that is fixed."""
     links = [
         part("base", Sphere(radius=0.05), post),
         part("rod", Capsule(start=(0.3, 0, 0), end=(0.7, 0, 0), radius=0.01)),
@@ -170,11 +170,11 @@ def test_what_the_budget_does_not_pay_for_stays_open_and_is_tried_again():
     assert proof.verdict in ("open", "never")
 
 
-def test_progress_is_told_and_a_link_nobody_has_is_an_error():
+def test_progress_is_reported_and_an_unknown_link_is_an_error():
     robot = robot_of(simple_arm())
-    told = []
-    prove_pairs(robot, progress=lambda *words: told.append(words))
-    assert told[-1][1:] == (3, 3)
+    reported = []
+    prove_pairs(robot, progress=lambda *words: reported.append(words))
+    assert reported[-1][1:] == (3, 3)
     with pytest.raises(UnknownNameError, match="did you mean 'link1'"):
         prove_pairs(robot, [("link1", "lnk1")])
 

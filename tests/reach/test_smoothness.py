@@ -15,19 +15,19 @@ def test_the_jerk_of_a_parabola_of_speed_is_its_own():
 
 
 def test_chatter_counts_changes_of_sign_only_where_it_is_asked():
-    told = np.zeros((1001, 1))
-    told[::2] = 0.01
+    commanded = np.zeros((1001, 1))
+    commanded[::2] = 0.01
     everywhere = np.ones(1001, dtype=bool)
-    assert chatter(told, np.array([8.0]), DT, everywhere) == pytest.approx(
+    assert chatter(commanded, np.array([8.0]), DT, everywhere) == pytest.approx(
         1000, rel=0.01
     )
-    assert chatter(told, np.array([8.0]), DT, ~everywhere) == 0.0
+    assert chatter(commanded, np.array([8.0]), DT, ~everywhere) == 0.0
     smooth = np.sin(np.arange(1001) * 2.0 * np.pi * 2.0 * DT)[:, None]
     assert chatter(smooth, np.array([8.0]), DT, everywhere) == pytest.approx(4, abs=1)
 
 
 def test_what_is_held_back_and_what_is_blocked():
     asked = np.ones((4, 2))
-    told = np.array([[1.0, 1.0], [0.5, 1.0], [0.05, 0.05], [-1.0, 1.0]])
-    assert held_back(told, asked).tolist() == [False, True, True, True]
-    assert share_blocked(told, asked) == 0.5
+    commanded = np.array([[1.0, 1.0], [0.5, 1.0], [0.05, 0.05], [-1.0, 1.0]])
+    assert held_back(commanded, asked).tolist() == [False, True, True, True]
+    assert share_blocked(commanded, asked) == 0.5

@@ -24,7 +24,7 @@ def arena():
 
 
 class Blind(Answering):
-    """Tells robots what operators ask for."""
+    """Commands what operators desire."""
 
     def __init__(self, arena):
         self._follow = dict.fromkeys(arena.robots, Action.FOLLOW)
@@ -45,18 +45,18 @@ def test_drives_stay_within_their_figures(arena):
     cycles = 400
     drives = Drives(arena, rng, arena.home, cycles)
     follow = dict.fromkeys(arena.robots, Action.FOLLOW)
-    told = np.zeros((cycles, len(arena.home)))
+    commanded = np.zeros((cycles, len(arena.home)))
     for k in range(1, cycles):
         step = rng.uniform(-1.0, 1.0, len(arena.home)) * arena.acceleration * PERIOD
-        told[k] = np.clip(told[k - 1] + step, -arena.velocity, arena.velocity)
-        drives.obey(told[k], follow)
+        commanded[k] = np.clip(commanded[k - 1] + step, -arena.velocity, arena.velocity)
+        drives.obey(commanded[k], follow)
         drives.move()
     v = drives.v_rows[: drives.tick + 1]
     assert (np.abs(np.diff(v, axis=0)) <= arena.acceleration * SUBSTEP + 1e-9).all()
     late = max(f.command for f in arena.figures.values())
     error = arena.joined("tracking_error")
     back = int(np.ceil(late / PERIOD)) + 1
-    sent = np.concatenate([np.zeros((back, told.shape[1])), told[1:]])
+    sent = np.concatenate([np.zeros((back, commanded.shape[1])), commanded[1:]])
     for k in range(50, cycles - 1):
         way = sent[max(k - 1, 0) : k + back + 1]
         now = v[k * STEPS]
@@ -66,11 +66,11 @@ def test_drives_stay_within_their_figures(arena):
 
 def test_a_stop_is_carried_out_and_ends(arena):
     drives = Drives(arena, np.random.default_rng(2), arena.home, 1200)
-    wish = 0.3 * arena.velocity
+    desired = 0.3 * arena.velocity
     for k in range(1200):
         stop = 200 <= k < 1000
         action = Action.STOP if stop else Action.FOLLOW
-        new = drives.obey(wish, dict.fromkeys(arena.robots, action))
+        new = drives.obey(desired, dict.fromkeys(arena.robots, action))
         assert new == (list(arena.robots) if k == 200 else [])
         drives.move()
         if k == 990:
@@ -104,7 +104,7 @@ def test_tools_are_where_the_guard_has_them(arena):
             assert np.allclose((ahead - back) / 2e-6, J[:3, j], atol=1e-6)
 
 
-def test_without_a_guard_operators_run_into_things(arena):
+def test_without_a_guard_operators_run_into_obstacles(arena):
     ends = [run(arena, seed, Blind(arena))[1].end for seed in CROOKED]
     assert "contact" in ends
 
@@ -125,7 +125,7 @@ def test_a_field_reaches_them_too(arena, seed):
 
 
 @pytest.mark.parametrize("response", ["deflect", "slow", "stop", "field"])
-def test_nothing_is_touched_whoever_steers(arena, response):
+def test_nothing_is_touched_with_any_operator(arena, response):
     answers = answering(arena, response)
     outcomes = [run(arena, seed, answers)[1] for seed in CROOKED]
     assert all(o.contact is None for o in outcomes)

@@ -69,10 +69,10 @@ class Tape:
             self.tape.do(Engage())
         if self.k % self.checkpoints == 0:
             self.tape.checkpoint()
-        wish = np.clip(2.0 * (self.goal - self.q), -1.0, 1.0)
+        desired = np.clip(2.0 * (self.goal - self.q), -1.0, 1.0)
         q = self.q + self.rng.uniform(-2e-5, 2e-5, 14)
         v = self.v + self.rng.uniform(-1e-3, 1e-3, 14)
-        command = self.tape.filter(q, wish, self.t - 1e-3, velocity=v, now=self.t)
+        command = self.tape.filter(q, desired, self.t - 1e-3, velocity=v, now=self.t)
         level = command.verdict.level
         if level >= 30 > self.last:
             self.stops.append(self.k - 1)

@@ -120,7 +120,7 @@ def test_one_topic_gives_back_its_bits(tmp_path, bay, kind):
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
-def test_two_arms_are_put_on_one_clock_and_their_skew_is_told(tmp_path, bay, kind):
+def test_two_arms_are_put_on_one_clock_and_their_skew_is_reported(tmp_path, bay, kind):
     left, right = motion(40, 7, 1), motion(20, 7, 2)
     written = bag(tmp_path, kind)
     for k in range(40):
@@ -181,7 +181,7 @@ def test_a_misspelt_joint_is_asked_about_and_not_left_out(tmp_path, bay):
         read.for_scene(bay, fill)
 
 
-def test_what_overtook_or_came_twice_is_left_out_and_told(tmp_path, bay):
+def test_what_overtook_or_came_twice_is_left_out_and_reported(tmp_path, bay):
     q = motion(6, 14)
     times = [0, 1, 3, 2, 3, 4]
     written = bag(tmp_path)
@@ -191,9 +191,9 @@ def test_what_overtook_or_came_twice_is_left_out_and_told(tmp_path, bay):
         written.joints("/joint_states", bay.q_names, row, time, received - time)
     read = load_motion(written.close())
     assert (read.for_scene(bay) == q[[0, 1, 2, 5]]).all()
-    told = " ".join(read.notes)
-    assert "1 messages were overtaken by newer ones, by up to 4.0 ms" in told
-    assert "1 messages have the stamp of the one before" in told
+    notes = " ".join(read.notes)
+    assert "1 messages were overtaken by newer ones, by up to 4.0 ms" in notes
+    assert "1 messages have the stamp of the one before" in notes
 
 
 def test_time_that_goes_back_is_refused_with_its_place(tmp_path, bay):
@@ -206,7 +206,7 @@ def test_time_that_goes_back_is_refused_with_its_place(tmp_path, bay):
     assert "stamp of message 3 is 1.000 s older" in str(caught.value)
 
 
-def test_headers_without_a_stamp_are_told(tmp_path, bay):
+def test_headers_without_a_stamp_are_reported(tmp_path, bay):
     written = bag(tmp_path)
     for k in range(3):
         written.joints("/joint_states", bay.q_names, np.zeros(14), 0, START + k * STEP)

@@ -302,9 +302,9 @@ def test_a_call_that_raises_is_recorded_only_if_it_stops_robots(tmp_path):
 def test_every_call_has_its_row_in_the_docs():
     rows = rows_of("service.md", "| call | arguments | for |")
     assert rows.keys() == CALLS.keys()
-    for name, (arguments, whom) in rows.items():
+    for name, (arguments, rights) in rows.items():
         made = CALLS[name]
-        assert whom.split(";")[0] == FOR[made.right], name
+        assert rights.split(";")[0] == FOR[made.right], name
         words = re.findall(r"`(\w+)`", arguments)
         found = [word for word in words if word in made.model_fields]
         assert [*dict.fromkeys(found)] == [*made.model_fields], name

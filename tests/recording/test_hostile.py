@@ -27,7 +27,7 @@ from attack.recordings import run
 
 
 def recording_of(path, about=b"{}", scene=b"", messages=()):
-    """A recording of parts that somebody made up."""
+    """A recording of made-up parts."""
     with path.open("wb") as out:
         file = McapFile(out.write, "somebody", {})
         file.attach(ABOUT, "application/json", about, 0)
@@ -138,16 +138,16 @@ def test_a_frame_that_cannot_be_is_left_out():
 
 
 def test_what_a_recorder_says_is_believed():
-    told = {"names": ["arm/a"], "robots": ["arm"], "period": 0.004, "budget": 1024}
-    assert about_of(json.dumps(told).encode()) == told
+    about = {"names": ["arm/a"], "robots": ["arm"], "period": 0.004, "budget": 1024}
+    assert about_of(json.dumps(about).encode()) == about
 
 
 @pytest.mark.parametrize("made", [b'"layout": 99, ', b'"layout": "new", ', b""])
 def test_a_recording_of_another_layout_is_refused_and_says_what_to_do(tmp_path, made):
     about = b"{" + made + b'"recorder": "0.1.0", "names": ["arm/joint1"]}'
     path = recording_of(tmp_path / "recording-old.mcap", about)
-    with pytest.raises(RecordingError) as told:
+    with pytest.raises(RecordingError) as refused:
         open_recording(path)
-    sentence = str(told.value)
+    sentence = str(refused.value)
     assert "layout" in sentence
     assert "read it with the version that recorded it, 0.1.0" in sentence

@@ -30,10 +30,10 @@ def test_every_form_is_written_with_its_bits(tmp_path: Path):
     taped = RecordedGuard(guard, ring, monotonic=lambda: 5.0, wall=lambda: 7.0)
     q = guard.home
     still = np.zeros_like(q)
-    wish = np.full_like(q, 0.01)
+    desired = np.full_like(q, 0.01)
     robot = guard.tables.robots[0].name
     answers = [
-        taped.filter(q, wish, 0.0, velocity=still, received=4.5),
+        taped.filter(q, desired, 0.0, velocity=still, received=4.5),
         taped.filter_positions(q, q + 0.001, PERIOD, velocity=still, now=PERIOD),
         taped.filter_twists(q, {robot: np.arange(6.0) * 1e-3}, 2 * PERIOD),
     ]
@@ -61,7 +61,7 @@ def test_every_form_is_written_with_its_bits(tmp_path: Path):
     assert found[0].wall == 7.0
     assert found[0].velocity is not None
     assert found[0].now is None
-    assert (found[0].asked == wish).all()
+    assert (found[0].asked == desired).all()
     assert found[1].now == PERIOD
     assert found[2].velocity is None
     assert found[2].text["tools"] == [robot]

@@ -205,7 +205,7 @@ def test_what_does_not_fit_into_memory_is_given_up_and_said(tmp_path, monkeypatc
     monkeypatch.setattr(disks, "PAUSE", 0.01)
     tape = Tape(tmp_path, checkpoints=50)
     folder = tmp_path / "tapes"
-    # Where the folder should be stands a file: as good as a disk that is gone.
+    # A file is in the place of the folder: as good as a disk that is gone.
     folder.write_text("in the way")
     tape.begin()
     reader = RingReader(tape.path)
@@ -260,7 +260,7 @@ def test_a_folder_that_is_removed_is_made_again(tmp_path, monkeypatch):
     assert any("earlier frames are missing" in problem for problem in answer.problems)
 
 
-def test_a_slow_disk_keeps_nobody_waiting_and_nothing_is_lost(tmp_path, monkeypatch):
+def test_a_slow_disk_keeps_no_cycle_waiting_and_nothing_is_lost(tmp_path, monkeypatch):
     write = os.write
     waits = threading.Event()
 
@@ -390,7 +390,7 @@ def test_it_ends_with_the_service_that_started_it(tmp_path):
     assert replay(open_recording(folder)).cycles == tape.k
 
 
-def test_a_service_that_is_gone_already_is_waited_for_by_nobody(tmp_path):
+def test_no_process_waits_for_a_service_that_is_gone_already(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     tape = Tape(tmp_path)
@@ -481,7 +481,7 @@ def test_settings_that_change_begin_another_recording_and_all_are_the_same_again
     reader = RingReader(tape.path)
     recorder = Recorder(folder, RecorderSettings())
     tape.drive(0.5)
-    # What a service does that is told another response: a guard anew, in the same ring.
+    # What a service does that gets another response: a guard anew, in the same ring.
     tape.scene.set_mode("speed")
     tape.guard = Guard(tape.scene, self_test=False)
     tape.tape = RecordedGuard(tape.guard, tape.ring, monotonic=lambda: 1e3 + tape.t)

@@ -1,4 +1,4 @@
-"""Damaged recordings: all that is whole comes back, and what is missing is told."""
+"""Damaged recordings: all that is whole comes back, and what is missing is named."""
 
 import numpy as np
 import pytest

@@ -243,7 +243,7 @@ def test_a_recording_in_mode_fixed_is_asked_what_prediction_would_say(tmp_path):
     assert path.first_difference is not None
 
 
-def test_the_command_line_tells_it_as_json_and_by_its_exit_code(drive):
+def test_the_command_line_reports_it_as_json_and_by_its_exit_code(drive):
     folder, tape = drive
 
     def run(*options):
@@ -254,10 +254,10 @@ def test_the_command_line_tells_it_as_json_and_by_its_exit_code(drive):
 
     answer = run("--set", "scene.buffer=0.0", "--json")
     assert answer.returncode == 1
-    told = json.loads(answer.stdout)
-    assert [stop["cycle"] for stop in told["stops_gone"]] == tape.stops
-    assert "does not obey" in told["caveat"]
-    assert told["exit_code"] == 1
+    report = json.loads(answer.stdout)
+    assert [stop["cycle"] for stop in report["stops_gone"]] == tape.stops
+    assert "does not obey" in report["caveat"]
+    assert report["exit_code"] == 1
     answer = run("--set", "guard.mod=path")
     assert answer.returncode == 2
     assert "did you mean 'guard.mode'" in " ".join(answer.stderr.split())

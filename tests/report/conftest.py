@@ -19,7 +19,7 @@ from armguard.scene.settings import ResponseSettings
 PERIOD = 0.004
 CYCLES = 3000
 
-# The clock stands still for the guard and goes on for the recording here [s].
+# The clock is stopped for the guard and goes on for the recording here [s].
 GAP_AT, GAP = 2500, 0.5
 
 # A measurement that is none.
@@ -109,11 +109,11 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Evening:
             here = np.eye(4)
             here[:3, 3] = guard.poses.reshape(-1, 3, 4)[6, :, 3] + [0.0, 0.0, 0.14]
             taped.do(Place(name=EVIL, pose=here))
-        wish = np.clip(2.0 * (goal - q), -0.8, 0.8)
+        desired = np.clip(2.0 * (goal - q), -0.8, 0.8)
         measured = np.full(14, np.nan) if k == FAULT_AT else q
         command = taped.filter(
             measured,
-            wish,
+            desired,
             t - 0.001,
             velocity=v,
             now=t,

@@ -1,4 +1,4 @@
-"""What touched because it was allowed to is told apart from what did not."""
+"""Permitted contacts and all others are listed apart."""
 
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def findings(tmp_path_factory: pytest.TempPathFactory):
     return gather(frames, names_of(guard.tables)), verdicts
 
 
-def test_pairs_under_a_contract_are_told_apart(findings):
+def test_pairs_under_a_contract_are_listed_apart(findings):
     found, verdicts = findings
     touching = {pair.a: pair for pair in found.contracts}
     for finger in ("arm/left", "arm/right"):
@@ -65,7 +65,7 @@ def test_pairs_under_a_contract_are_told_apart(findings):
     assert found.stops == []
 
 
-def test_the_page_tells_calls_and_touches(findings):
+def test_the_page_lists_calls_and_touches(findings):
     found, _ = findings
     text = page(found)
     assert "Nothing touched but what a contract let touch; nearest" in text

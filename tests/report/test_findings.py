@@ -1,4 +1,4 @@
-"""What a report tells, counted a second time from the guard's own answers."""
+"""Findings of a report, counted a second time from the guard's own answers."""
 
 import json
 from collections import Counter
@@ -120,10 +120,10 @@ def test_near_misses_hold_every_stop_and_every_pair_too_near(
         own = [v.headroom.m for t, v in near if miss.began <= t - BEGIN <= miss.ended]
         assert miss.least_headroom == pytest.approx(min(own), abs=1e-12)
     first = next(v for _, v in near if v.level >= Level.STOP)
-    told = findings.near_misses[0].verdict
-    assert told.why == first.why
-    assert told.distance == first.nearest.distance
-    assert told.needed == pytest.approx(first.budget.needed, abs=1e-9)
+    reported = findings.near_misses[0].verdict
+    assert reported.why == first.why
+    assert reported.distance == first.nearest.distance
+    assert reported.needed == pytest.approx(first.budget.needed, abs=1e-9)
     assert EVIL in findings.near_misses[1].verdict.why
 
 
@@ -167,7 +167,7 @@ def test_the_closest_pairs_are_those_of_all_near_pairs(evening: Evening, whole):
     assert evening.times[first.cycle] - BEGIN == first.at
 
 
-def test_the_file_tells_the_same_pairs_as_far_as_it_holds_them(whole, filed):
+def test_the_file_lists_the_same_pairs_as_far_as_it_holds_them(whole, filed):
     assert filed.whole < whole.whole == CYCLES
     pairs = {(p.a, p.b): p for p in whole.closest}
     for pair in filed.closest:
@@ -178,7 +178,7 @@ def test_the_file_tells_the_same_pairs_as_far_as_it_holds_them(whole, filed):
     assert min(p.headroom for p in filed.closest) == least
 
 
-def test_gaps_are_told_and_count_for_no_level(findings):
+def test_gaps_are_reported_and_count_for_no_level(findings):
     series = findings.series
     assert series.gaps.tolist() == [GAP_AT]
     assert series.missing == 0
@@ -198,11 +198,11 @@ def test_cycles_that_are_missing_are_counted(evening: Evening, names):
 
 def test_times_and_tails_are_those_of_the_cycles(evening: Evening, findings):
     took = sorted(verdict.cycle_time for verdict in evening.verdicts)
-    told = findings.to_dict()["cycle_time"]
+    reported = findings.to_dict()["cycle_time"]
     for name, share in (("p50", 0.5), ("p99", 0.99), ("p999", 0.999)):
-        assert told[name] == pytest.approx(took[int(np.ceil(share * CYCLES)) - 1])
-    assert told["most"] == pytest.approx(took[-1])
-    assert told["count"] == CYCLES
+        assert reported[name] == pytest.approx(took[int(np.ceil(share * CYCLES)) - 1])
+    assert reported["most"] == pytest.approx(took[-1])
+    assert reported["count"] == CYCLES
     answers = findings.to_dict()["answer_time"]
     assert answers["most"] == pytest.approx(7e-4, rel=1e-3)
     assert answers["p50"] == pytest.approx(4e-4, rel=1e-3)
@@ -257,7 +257,7 @@ def test_shares_of_levels_are_those_of_the_whole(findings):
     assert edges[-1] == series.duration
 
 
-def test_events_are_told_without_what_every_recording_repeats(findings):
+def test_events_are_listed_without_what_every_recording_repeats(findings):
     calls = Counter(event.text.get("call") for event in findings.events)
     assert calls == {"engage": 8, "place": 1}
     assert findings.wall == 1.7e9 + BEGIN
@@ -274,7 +274,7 @@ def test_findings_are_json(findings):
     assert "verdict" not in miss
 
 
-def test_the_model_is_told_with_hashes_and_assumptions(filed):
+def test_the_model_is_listed_with_hashes_and_assumptions(filed):
     facts = filed.model
     left, right = facts["robots"]
     assert (left["name"], right["name"]) == ("left", "right")
@@ -293,7 +293,7 @@ def test_a_recording_without_a_cycle_says_so(names):
     json.dumps(jsonable(nothing.to_dict()), allow_nan=False)
 
 
-def test_cycles_of_another_scene_are_left_out_and_told(evening: Evening, names):
+def test_cycles_of_another_scene_are_left_out_and_reported(evening: Evening, names):
     foreign = replace(evening.frames[-1], q=np.zeros(3), kind=Kind.CYCLE)
     found = gather([*evening.frames, foreign], names)
     assert found.problems == ["left out, since not of the scene in the file: 1 cycles"]
@@ -325,7 +325,7 @@ def test_a_run_after_a_restart_of_the_machine_follows_the_first(
         assert second.began - first.began == pytest.approx(60.0, abs=1e-6)
 
 
-def test_a_reason_of_a_newer_version_is_left_out_and_told(evening: Evening, names):
+def test_a_reason_of_a_newer_version_is_left_out_and_reported(evening: Evening, names):
     (last,) = [f for f in evening.frames if f.cycle == CYCLES - 1]
     numbers = last.verdict.copy()
     numbers[IN_HEADER.reason] = 99.0
@@ -350,8 +350,10 @@ def test_files_of_another_scene_are_left_out_by_name(evening: Evening, tmp_path)
     file.rename(tmp_path / "recording-3.mcap")
     found = findings_of(open_recording(tmp_path))
     assert len(found.series.t) == 2 * CYCLES
-    told = "left out, since of another scene than recording-1.mcap: recording-3.mcap"
-    assert told in found.problems
+    reported = (
+        "left out, since of another scene than recording-1.mcap: recording-3.mcap"
+    )
+    assert reported in found.problems
 
 
 @pytest.mark.parametrize("cause", [None, *Cause])

@@ -45,9 +45,9 @@ def written(evening: Evening, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "evening.html"
     result = CliRunner().invoke(app, ["report", str(evening.file), "--out", str(path)])
     assert result.exit_code == 0, result.output
-    told = " ".join(result.output.split())
-    assert "In 12.5 s 2 robots were judged 3,000 times" in told
-    assert "page written to" in told
+    printed = " ".join(result.output.split())
+    assert "In 12.5 s 2 robots were judged 3,000 times" in printed
+    assert "page written to" in printed
     return path
 
 
@@ -66,7 +66,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def looked(written: Path, browser) -> "Looked":
-    """The page in a browser, and all it asked for and complained of."""
+    """The page in a browser, and all it requested and complained of."""
     return Looked(browser.new_page(viewport={"width": 1280, "height": 900}), written)
 
 
@@ -90,7 +90,7 @@ class Looked:
 
 
 @needs_browser
-def test_it_asks_for_nothing_and_complains_of_nothing(looked: Looked, written: Path):
+def test_it_requests_nothing_and_complains_of_nothing(looked: Looked, written: Path):
     looked.page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
     looked.page.wait_for_timeout(300)
     assert looked.requests == [written.as_uri()]
@@ -193,7 +193,7 @@ def test_text_of_a_recording_is_escaped_wherever_it_is_shown(evening: Evening):
     assert not re.search(r"(<|\\u003c)x-", text)
 
 
-def test_it_tells_what_it_is_not_and_who_assumed_what(written: Path):
+def test_it_says_what_it_is_not_and_names_the_source_of_each_assumption(written: Path):
     text = written.read_text(encoding="utf-8")
     assert "stopping figures are assumptions" in text
     assert "This page is no certificate and no safety assessment" in text
@@ -221,7 +221,7 @@ def test_json_alone_writes_no_page(evening: Evening, tmp_path):
     assert list(tmp_path.glob("*.html")) == []
 
 
-def test_a_damaged_recording_is_told_as_far_as_it_goes(evening: Evening, tmp_path):
+def test_a_damaged_recording_is_reported_as_far_as_it_goes(evening: Evening, tmp_path):
     cut = tmp_path / "cut.mcap"
     data = evening.file.read_bytes()
     cut.write_bytes(data[: len(data) * 2 // 3])
@@ -248,8 +248,8 @@ def test_what_cannot_be_read_or_written_is_said_in_words(
         str(tmp_path / "other.mcap")
     )
     nowhere = str(tmp_path / "no folder" / "page.html")
-    told = complaint(str(evening.file), "--out", nowhere)
-    assert "the page cannot be written" in told
+    printed = complaint(str(evening.file), "--out", nowhere)
+    assert "the page cannot be written" in printed
 
 
 def test_a_recording_is_motion_that_may_be_run(evening: Evening):

@@ -1,7 +1,7 @@
-"""What opens every near pair is told as it was asked for, or the command says why not.
+"""Desired motion that opens every near pair is commanded, or the command says why not.
 
-The planar arm, its distance from the wall and what opens it are computed here; what it
-is told in free space is what an arm of its acceleration can be told.
+The planar arm, its distance from the wall and what opens it are computed here; its
+commands in free space are those that an arm of its acceleration can follow.
 """
 
 import numpy as np

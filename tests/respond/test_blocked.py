@@ -1,4 +1,4 @@
-"""Why a robot does not follow: each reason is told in words, here and in the docs."""
+"""Why a robot does not follow: each reason has a sentence, here and in the docs."""
 
 from pathlib import Path
 

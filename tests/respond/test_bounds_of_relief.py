@@ -27,7 +27,7 @@ from sliding import APART, EXACT, RADIUS, at_gap, slide, slides
 # Greatest speed of the ball [m/s], error of tracking of a slide [m/s].
 COMES, MISSES = 0.2, 0.1
 
-# What the scene asks for at rest [m].
+# Distance that the scene requires at rest [m].
 FLOOR = 0.005
 
 PERIOD = 0.001
@@ -54,8 +54,10 @@ def looked_at(*figures, mover=None):
     if mover:
         guard.place("ball", Pose(xyz=(APART, 0.0, 0.0)), 0.0)
     still = np.zeros(len(figures))
-    told = guard.filter(at_gap(0.1, len(figures)), still, 0.0, velocity=still, now=0.0)
-    assert told.verdict.nearest.distance == pytest.approx(0.1)
+    command = guard.filter(
+        at_gap(0.1, len(figures)), still, 0.0, velocity=still, now=0.0
+    )
+    assert command.verdict.nearest.distance == pytest.approx(0.1)
     guard._watch.phase[0] = RECOVERING
     return guard, guard._lines.ctypes.data
 
@@ -106,8 +108,8 @@ def test_errors_along_the_normal_decide_whether_a_pair_surely_does_not_touch(
     scene.add(Sphere(radius=RADIUS), name="ball", pose=pose)
     guard = Guard(scene, self_test=False)
     still = np.zeros(1)
-    told = guard.filter(still, still, 0.0, velocity=still, now=0.0)
-    assert told.verdict.nearest.distance == pytest.approx(distance)
+    command = guard.filter(still, still, 0.0, velocity=still, now=0.0)
+    assert command.verdict.nearest.distance == pytest.approx(distance)
     watch = guard._watch
     watch.phase[0], watch.relief[0] = RECOVERING, 0.1
     leaving(guard)
@@ -121,15 +123,15 @@ def test_a_pair_that_may_touch_already_needs_no_distance_below_zero():
     guard = slides(figures, buffer=FLOOR, period=PERIOD)
     for k in range(40):
         now = k * PERIOD
-        told = guard.filter(at_gap(6e-4), [-0.3], now, velocity=[0.0], now=now)
-    assert told.verdict.level is Level.RECOVER
-    assert told.velocity[0] < 0.0
-    assert told.verdict.nearest.why == (
+        command = guard.filter(at_gap(6e-4), [-0.3], now, velocity=[0.0], now=now)
+    assert command.verdict.level is Level.RECOVER
+    assert command.velocity[0] < 0.0
+    assert command.verdict.nearest.why == (
         "left/ball 1 mm from ball: too close, but opening"
     )
 
 
-def test_relief_needs_somebody_who_tells_and_a_motion_that_is_under_way():
+def test_relief_needs_commands_and_a_motion_that_is_under_way():
     for commanded, segment in ((1.0, 0), (0.0, 0), (1.0, 1)):
         guard, lines = looked_at({})
         leaving(guard)
@@ -225,7 +227,7 @@ def leads_away(response, lines):
 
 @pytest.mark.parametrize(("share", "at_once"), [(0.985, True), (1.015, False)])
 @pytest.mark.parametrize("asks", [False, True])
-def test_who_is_not_asked_leaves_only_as_slowly_as_he_can_begin_to(
+def test_a_robot_without_desired_motion_leaves_only_as_slowly_as_it_can_begin_to(
     share, at_once, asks
 ):
     """What surely leads away is a quarter more than what the drive may miss."""
@@ -283,7 +285,7 @@ class Beside:
         self.v = np.zeros(1)
 
     def cycle(self, asked, comes=0.0):
-        """One cycle: the ball comes, the slide is asked, and moves as it is told."""
+        """One cycle: the ball comes, the slide is asked, and follows its command."""
         self.ball -= comes * PERIOD
         if self.mover:
             # A sighting that cannot be true is refused, and the arm is stopped.
@@ -323,7 +325,7 @@ def test_nothing_is_proven_for_an_arm_that_leaves_what_comes_by_itself():
     assert rests.blocked == {"left": Blocked.TOO_NEAR} and not rests.verdict.unproven
 
 
-def test_a_robot_that_leaves_what_stands_still_is_proven():
+def test_a_robot_that_leaves_a_stationary_body_is_proven():
     loop = Beside(top_speed=0.0)
     for _ in range(5):
         resting = loop.cycle(0.0)
@@ -334,7 +336,7 @@ def test_a_robot_that_leaves_what_stands_still_is_proven():
 
 
 @pytest.mark.parametrize(("share", "goes_on"), [(1.0, True), (1.5, False)])
-def test_who_is_come_at_faster_than_declared_is_stopped(share, goes_on):
+def test_a_robot_approached_faster_than_declared_is_stopped(share, goes_on):
     loop = Beside()
     for _ in range(5):
         loop.cycle(0.0)
@@ -343,7 +345,7 @@ def test_who_is_come_at_faster_than_declared_is_stopped(share, goes_on):
     assert (max(actions) is Action.FOLLOW) == goes_on
 
 
-def test_who_leaves_one_thing_slows_down_before_another_one_by_himself():
+def test_a_robot_that_leaves_one_body_slows_down_before_another_one_by_itself():
     scene = Scene(buffer=FLOOR, margin=1.0, period=PERIOD)
     figures = {"acceleration": 8.0, "tracking_error": 1e-3, "command": 0.02}
     scene.add_robot(slide(), name="left", stopping={**EXACT, **figures})

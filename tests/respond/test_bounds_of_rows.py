@@ -76,9 +76,9 @@ def test_a_slide_keeps_what_its_drive_may_miss_until_a_command_matters(missed):
     assert abs(v) < 1e-3
 
 
-@pytest.mark.parametrize(("budget", "told"), [(0, 0.0), (2, 0.1), (4, 0.108)])
+@pytest.mark.parametrize(("budget", "commanded"), [(0, 0.0), (2, 0.1), (4, 0.108)])
 def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new(
-    budget, told
+    budget, commanded
 ):
     # Two fingers glide over a table, so low that levers alone prove nothing.
     scene = Scene(mode="path")
@@ -90,12 +90,12 @@ def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new
     loop.push({"arm/x": 0.1}, 200)
     # Each pair takes one test for what is under way, and one for what is new.
     guard._motion.effort.budget = budget
-    wish = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
-    command = guard.filter(loop.q, wish, loop.t, velocity=loop.v)
+    desired = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
+    command = guard.filter(loop.q, desired, loop.t, velocity=loop.v)
     if budget == 0:
         assert command.verdict.reason is Reason.BUDGET_SPENT
     else:
-        assert command.velocity[0] == pytest.approx(told, abs=1e-12)
+        assert command.velocity[0] == pytest.approx(commanded, abs=1e-12)
 
 
 @numba.njit
@@ -149,7 +149,7 @@ def test_a_joint_closes_a_pair_as_fast_as_it_moves_its_points_together():
             assert row[k] == pytest.approx(n @ (ways[0] - ways[1]) / step, abs=1e-5)
 
 
-def test_what_is_asked_for_keeps_its_direction_while_the_robot_speeds_up_to_it():
+def test_desired_motion_keeps_its_direction_while_the_robot_speeds_up_to_it():
     model = simple_arm(joints=2)
     scene = Scene(mode="path", period=PERIOD)
     scene.add_robot(model, name="arm", stopping=FIGURES)

@@ -11,18 +11,18 @@ from armguard.scene.settings import ResponseSettings
 from driven import Driven, ball_guard
 
 
-def stopped(form="filter", wish=0.5, **response):
-    """A loop whose arm was stopped by a wish that was none, and now rests."""
+def stopped(form="filter", desired=0.5, **response):
+    """A loop whose arm was stopped by invalid desired motion, and now rests."""
     guard = Guard(ball_scene(response=ResponseSettings(**response)), self_test=False)
     loop = Driven(guard)
-    loop.run([wish], 150, form)
+    loop.run([desired], 150, form)
     loop.cycle([np.nan], form)
-    while loop.cycle([wish], form).action >= Action.STOP:
+    while loop.cycle([desired], form).action >= Action.STOP:
         assert len(loop.commands) < 1000
     return loop
 
 
-def test_after_a_stop_a_wish_that_was_never_let_go_is_not_followed():
+def test_after_a_stop_desired_motion_that_never_ended_is_not_followed():
     loop = stopped()
     command = loop.run([0.5], 200)
     assert command.action is Action.HOLD
@@ -50,7 +50,7 @@ def test_letting_go_once_is_enough():
     assert command.velocity[0] == 0.5
 
 
-def test_so_is_asking_for_a_way_that_leads_away():
+def test_so_is_desired_motion_that_leads_away():
     loop = stopped()
     loop.run([0.5], 20)
     command = loop.run([-0.5], 120)
@@ -98,30 +98,30 @@ def test_or_it_is_refused_with_the_joints_named():
     assert command.blocked == {"arm": Blocked.FAR_START}
     assert command.far_joints == ("arm/joint1",)
     assert (loop.q == guard.home).all()
-    # The master comes to where the arm is, and has it.
+    # The leader arm comes to where the arm is, and has it.
     loop.run(guard.home + 0.02, 5, "filter_positions")
     assert loop.commands[-1].blocked == {"arm": Blocked.NOT}
 
 
-def test_a_master_moved_half_a_radian_during_a_stop_is_caught_up_with_slowly():
+def test_a_leader_arm_moved_half_a_radian_during_a_stop_is_caught_up_with_slowly():
     loop = Driven(ball_guard())
     loop.run(lambda loop: loop.guard.home + 0.5 * loop.t, 400, "filter_positions")
     loop.cycle([np.nan], "filter_positions")
-    master = loop.q + 0.5
-    command = loop.run(master, 600, "filter_positions")
+    leader = loop.q + 0.5
+    command = loop.run(leader, 600, "filter_positions")
     assert command.blocked == {"arm": Blocked.STOPPED}
     assert command.far_joints == ("arm/joint1",)
     assert (np.diff(loop.q_rows[-300:], axis=0) == 0.0).all()
     loop.guard.engage()
     begin = len(loop.v_rows)
-    command = loop.run(master, 100, "filter_positions")
+    command = loop.run(leader, 100, "filter_positions")
     assert command.blocked == {"arm": Blocked.CATCHING_UP}
-    loop.run(master, 4000, "filter_positions")
+    loop.run(leader, 4000, "filter_positions")
     speeds = np.abs(np.array(loop.v_rows[begin:]))[:, 0]
-    far = np.abs(np.array(loop.q_rows[begin:]) - master)[:, 0] > 0.101
+    far = np.abs(np.array(loop.q_rows[begin:]) - leader)[:, 0] > 0.101
     assert far.sum() > 1000
     assert speeds[: far.sum()].max() <= 0.1 * 2.0 + 1e-12
-    assert loop.q == pytest.approx(master, abs=1e-4)
+    assert loop.q == pytest.approx(leader, abs=1e-4)
 
 
 def test_nothing_winds_up_while_the_ball_is_in_the_way():
@@ -130,7 +130,7 @@ def test_nothing_winds_up_while_the_ball_is_in_the_way():
         loop.cycle([min(0.3 + 2e-4 * k, 1.2)], "filter_positions")
     held = loop.commands[-1].position[0]
     assert held == pytest.approx(loop.q[0], abs=2e-3)
-    # The master turns round: the arm follows at once, not after what was summed up.
+    # The leader arm turns round: the arm follows at once, not after what was summed up.
     turned = loop.run([held - 0.02], 150, "filter_positions")
     assert turned.velocity[0] < -0.01
 
@@ -166,7 +166,7 @@ def test_an_arm_too_near_to_what_came_may_leave_it_at_the_speed_of_recovery():
     assert out.velocity[0] == -0.5
 
 
-def test_between_two_things_too_near_it_says_that_it_is_pinched():
+def test_between_two_bodies_too_near_it_says_that_it_is_pinched():
     scene = ball_scene()
     for name in ("one", "other"):
         scene.add(Sphere(radius=0.1), name=name, present=False)
@@ -203,7 +203,7 @@ def test_so_has_one_whose_stop_was_over_while_nothing_could_be_judged(value):
 
 @pytest.mark.parametrize("begins", ["new", "reset"])
 @pytest.mark.parametrize("wrong", ["stamp", "nan", "infinite", "far out", "velocity"])
-def test_before_anything_is_known_no_position_is_told(begins, wrong):
+def test_before_anything_is_known_no_position_is_commanded(begins, wrong):
     guard = ball_guard()
     home, nothing = guard.home, np.zeros(len(guard.q_names))
     there = home + 0.3
@@ -212,7 +212,7 @@ def test_before_anything_is_known_no_position_is_told(begins, wrong):
         guard.reset()
     values = {"nan": np.nan, "infinite": -np.inf, "far out": 1e6}
     for k in range(3):
-        # Elsewhere each time: what was said before is not told again.
+        # Elsewhere each time: what was said before is not said again.
         q, v = there + 0.1 * k, nothing.copy()
         now = 0.001 * k
         stamp = now + 5.0 if wrong == "stamp" else now

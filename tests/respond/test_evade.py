@@ -57,7 +57,7 @@ def gap(q, centre, radius):
     return float(np.linalg.norm(centre - along * tip)) - ARM - radius
 
 
-def come(guard, seconds=1.9, told=True, wish=0.0):
+def come(guard, seconds=1.9, has_velocity=True, desired=0.0):
     """Have the cart come at the arm.
 
     Returns:
@@ -72,9 +72,9 @@ def come(guard, seconds=1.9, told=True, wish=0.0):
             "cart",
             Pose(xyz=(*centre, 0.2)),
             time,
-            velocity=(0.0, -SPEED, 0.0) if told else None,
+            velocity=(0.0, -SPEED, 0.0) if has_velocity else None,
         )
-        command = guard.filter([q], [wish], time, velocity=[v], now=time)
+        command = guard.filter([q], [desired], time, velocity=[v], now=time)
         v = command.velocity[0]
         q += v * PERIOD
         rows.append(q)
@@ -90,16 +90,16 @@ def test_an_arm_at_rest_gets_out_of_the_way():
     assert Blocked.EVADING in blocked
 
 
-@pytest.mark.parametrize(("evade", "told"), [(False, True), (True, False)])
-def test_one_that_is_not_to_or_cannot_know_is_hit(evade, told):
-    least, rows, blocked = come(cart_guard(evade), told=told)
+@pytest.mark.parametrize(("evade", "has_velocity"), [(False, True), (True, False)])
+def test_one_that_is_not_to_or_cannot_know_is_hit(evade, has_velocity):
+    least, rows, blocked = come(cart_guard(evade), has_velocity=has_velocity)
     assert least < 0.0
     assert np.abs(rows).max() < 1e-6
     assert Blocked.EVADING not in blocked
 
 
 def test_an_arm_at_work_does_so_too_whatever_its_operator_wants():
-    least, _, blocked = come(cart_guard(), wish=0.05)
+    least, _, blocked = come(cart_guard(), desired=0.05)
     assert least > 0.0
     assert Blocked.EVADING in blocked
 
@@ -135,13 +135,15 @@ def test_a_velocity_that_cannot_be_is_an_error(velocity, words):
         guard.place("cart", Pose(xyz=(0.7, 0.6, 0.2)), 0.0, velocity=velocity)
 
 
-def test_nor_can_an_object_that_stands_still_have_one():
+def test_nor_can_a_stationary_object_have_one():
     guard = cart_guard(behind=-1.5)
     with pytest.raises(SceneError, match="no top_speed"):
         guard.place("behind", Pose(xyz=(0.0, -0.7, 0.2)), 0.0, velocity=(0, 1, 0))
 
 
-def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), gone=None, wrong_at=None):
+def past(
+    guard, begin, velocity, seconds, *, desired=(0.0, 0.0), gone=None, wrong_at=None
+):
     """Have a cart come straight at an arm of links of 0.5 m, and go past.
 
     Args:
@@ -149,9 +151,9 @@ def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), gone=None, wrong_a
         begin: Where the cart is first, in the plane [m].
         velocity: Its velocity there [m/s].
         seconds: For how long.
-        wish: What the operator asks for [rad/s].
+        desired: Motion that the operator desires [rad/s].
         gone: When the cart is taken away; None if it is not [s].
-        wrong_at: When the operator tells what is no number; None if never [s].
+        wrong_at: When the operator sends what is no number; None if never [s].
 
     Returns:
         Least gap to the cart, joint positions and why the arm did not follow, of each
@@ -168,7 +170,7 @@ def past(guard, begin, velocity, seconds, *, wish=(0.0, 0.0), gone=None, wrong_a
             gaps.append(links_gap(q, centre))
         elif gone - PERIOD < time:
             guard.remove("cart")
-        asked = np.array(wish)
+        asked = np.array(desired)
         if wrong_at is not None and abs(time - wrong_at) < 0.5 * PERIOD:
             asked[:] = np.nan
         command = guard.filter(q, asked, time, velocity=v, now=time)
@@ -236,7 +238,7 @@ def test_what_misses_is_no_threat():
     assert np.abs(rows).max() < 1e-6
 
 
-def test_it_stands_aside_until_the_cart_has_passed_and_is_given_back():
+def test_it_waits_aside_until_the_cart_has_passed_and_is_given_back():
     _, rows, blocked = past(tall_cart_guard(), (0.9, 1.0), (0.0, -0.4), 6.0)
     assert runs_of(blocked) == 1
     assert blocked[-1] is Blocked.NOT
@@ -253,7 +255,7 @@ def test_it_is_given_back_when_the_cart_is_gone():
 
 def test_an_operator_who_leads_into_the_way_of_what_comes_is_not_followed():
     guard = tall_cart_guard()
-    least, _, blocked = past(guard, (0.6, 1.2), (0.0, -0.4), 4.5, wish=(0.2, 0.0))
+    least, _, blocked = past(guard, (0.6, 1.2), (0.0, -0.4), 4.5, desired=(0.2, 0.0))
     assert least > 0.02
     assert Blocked.EVADING in blocked
 
@@ -288,8 +290,8 @@ def test_an_arm_that_was_stopped_evades_when_it_rests():
     assert least > 0.02
 
 
-def test_what_passes_near_by_stops_nobody_who_could_evade_it():
-    # It misses by 40 mm, and could be at the arm before that stands still for certain.
+def test_what_passes_near_by_stops_no_robot_that_could_evade_it():
+    # It misses by 40 mm, and could be at the arm before that is surely at rest.
     guard = tall_cart_guard(top_speed=5.0)
     least, rows, blocked = past(guard, (1.18, 1.0), (0.0, -0.4), 4.0)
     assert least == pytest.approx(0.04, abs=1e-3)
@@ -359,7 +361,7 @@ def test_one_that_recovers_is_held_for_a_while_when_nothing_comes_any_more(
     assert response.requested[0] == (0.0 if evading else asked)
 
 
-# Distance that is asked for at rest, and gap of the cart at x to an arm along x [m].
+# Distance that is required at rest, and gap of the cart at x to an arm along x [m].
 FLOOR = 0.005
 TIP = 1.0 + ARM + CART
 
@@ -379,16 +381,16 @@ def test_what_passes_30_mm_off_is_no_threat_and_what_passes_nearer_is(share):
 
 
 @pytest.mark.parametrize("share", [0.985, 1.015])
-def test_who_is_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
+def test_a_robot_aside_is_given_back_when_what_comes_misses_it_by_45_mm(share):
     guard = tall_cart_guard(evade_time=2.0)
     guard._escape.notes[0].evading = 1
-    # The operator asks for next to nothing.
+    # The operator desires next to no motion.
     command = comes_at(guard, TIP + FLOOR + share * 0.045, 0.3, asked=(2e-6, 0.0))
     assert (command.blocked["arm"] is Blocked.EVADING) == (share < 1.0)
 
 
 @pytest.mark.parametrize(("worth", "kept"), [(0.0505, False), (0.0535, True)])
-def test_who_has_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
+def test_a_robot_with_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
     worth, kept
 ):
     """A way counts as better from 8 mm on, and none beyond 60 mm."""
@@ -408,7 +410,7 @@ def test_who_has_a_way_that_leads_just_clear_looks_for_one_that_leads_farther(
 
 
 @pytest.mark.parametrize("phase", [RESTING, RUNNING, RECOVERING, STOPPING, BRAKING])
-def test_nobody_evades_while_he_is_stopped(phase):
+def test_no_robot_evades_while_it_is_stopped(phase):
     guard = tall_cart_guard(evade_time=2.0)
     guard._watch.phase[0] = phase
     command = comes_at(guard, 0.9, 0.3)
@@ -418,7 +420,7 @@ def test_nobody_evades_while_he_is_stopped(phase):
 
 
 @pytest.mark.parametrize(("top_speed", "beset"), [(0.45, False), (5.0, True)])
-def test_who_is_stopped_for_something_else_is_not_held_for_what_passes(
+def test_a_robot_stopped_for_something_else_is_not_held_for_what_passes(
     top_speed, beset
 ):
     """Only one of the carts could be at the arm before that rests."""

@@ -49,7 +49,7 @@ def test_a_projectile_touches_the_arm_it_is_thrown_at_when_it_is_said_to(thrown)
     assert throw.mover(throw.duration) is None
 
 
-def test_the_judge_tells_the_projectile_from_all_else(thrown):
+def test_the_judge_separates_the_projectile_from_all_else(thrown):
     place, throw = thrown
     found = Findings()
     place.judge.look(throw.q, None, 0.0, found)

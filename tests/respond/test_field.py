@@ -89,10 +89,10 @@ def test_it_is_led_no_faster_than_its_field_and_gently(guard):
     loop = bay_loop(guard)
     guard.field_goal("left", q=guard.home[LEFT] + GOALS[0])
     loop.run(loop.still, 4000)
-    told = np.array([c.velocity[LEFT] for c in loop.commands])
-    assert (np.abs(told) <= 0.3 * TOP + 1e-9).all()
-    assert np.abs(told).max() > 0.29 * 1.25
-    jerk = np.diff(told, 2, axis=0) / 0.001**2
+    commanded = np.array([c.velocity[LEFT] for c in loop.commands])
+    assert (np.abs(commanded) <= 0.3 * TOP + 1e-9).all()
+    assert np.abs(commanded).max() > 0.29 * 1.25
+    jerk = np.diff(commanded, 2, axis=0) / 0.001**2
     # A first-order start at full acceleration would have thousands.
     assert np.abs(jerk).max() < 200.0
 
@@ -113,20 +113,20 @@ def test_a_pose_is_reached(guard, tool):
     assert np.linalg.norm(found[:3, :3] - goal[:3, :3]) < 3e-3
 
 
-def test_an_operator_who_asks_for_something_leads_and_then_the_field_again(guard):
+def test_an_operator_who_desires_motion_leads_and_then_the_field_again(guard):
     guard.reset()
     loop = bay_loop(guard)
     guard.field_goal("left", q=guard.home[LEFT] + GOALS[0])
     loop.run(loop.still, 500)
-    wish = loop.still.copy()
-    wish[0] = -0.2
-    command = loop.run(wish, 300)
-    assert command.velocity == pytest.approx(wish, abs=1e-12)
+    desired = loop.still.copy()
+    desired[0] = -0.2
+    command = loop.run(desired, 300)
+    assert command.velocity == pytest.approx(desired, abs=1e-12)
     loop.run(loop.still, 6000)
     assert np.abs(loop.q[LEFT] - guard.home[LEFT] - GOALS[0]).max() < 1e-3
 
 
-def test_where_positions_are_told_no_field_leads(guard):
+def test_where_positions_are_commanded_no_field_leads(guard):
     guard.reset()
     loop = bay_loop(guard)
     guard.field_goal("left", q=guard.home[LEFT] + GOALS[0])
@@ -189,21 +189,21 @@ def test_an_open_box_is_a_local_minimum_that_is_named_in_time(trap):
 def test_there_is_no_chatter_on_the_way_into_it(trap):
     loop = into_the_box(trap)
     loop.run(loop.still, 5000)
-    told = np.array([c.velocity[LEFT] for c in loop.commands])
-    change = np.diff(told, axis=0)
+    commanded = np.array([c.velocity[LEFT] for c in loop.commands])
+    change = np.diff(commanded, axis=0)
     # Changes that matter: more than a thousandth of what the acceleration allows.
     large = np.where(np.abs(change) > 1e-3 * np.abs(change).max(), np.sign(change), 0.0)
     turns = [np.count_nonzero(np.diff(s[s != 0.0])) for s in large.T]
     assert max(turns) < 20
 
 
-def test_who_is_led_out_of_a_minimum_is_drawn_again(trap):
+def test_a_robot_led_out_of_a_minimum_is_drawn_again(trap):
     loop = into_the_box(trap)
     while loop.cycle(loop.still).blocked["left"] is not Blocked.LOCAL_MINIMUM:
         assert len(loop.commands) < 6000
-    wish = loop.still.copy()
-    wish[1] = -0.3
-    assert loop.run(wish, 400).blocked["left"] is Blocked.NOT
+    desired = loop.still.copy()
+    desired[1] = -0.3
+    assert loop.run(desired, 400).blocked["left"] is Blocked.NOT
     before = loop.q.copy()
     command = loop.run(loop.still, 300)
     assert command.blocked["left"] is Blocked.NOT
@@ -361,7 +361,7 @@ def test_positive_systems_are_solved():
 
 
 @pytest.mark.parametrize("margin", [0.06, 0.5])
-def test_a_near_pair_pushes_whom_a_field_leads_from_where_its_influence_begins(margin):
+def test_a_near_pair_pushes_a_robot_in_a_field_from_where_its_influence_begins(margin):
     guard = slides({}, {}, response="field", buffer=FLOOR, margin=margin)
     for left, right in (
         (Source.FIELD, Source.OPERATOR),

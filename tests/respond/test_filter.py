@@ -1,4 +1,4 @@
-"""What robots are told: what is wanted, or something near it, or a stop."""
+"""Commands to robots: the desired motion, or something near it, or a stop."""
 
 import re
 from pathlib import Path
@@ -33,27 +33,27 @@ def test_the_page_of_the_filter_has_every_response():
     assert set(RESPONSES) <= set(rows)
 
 
-def test_in_clear_space_what_is_wanted_is_told_bit_for_bit():
+def test_in_clear_space_the_desired_motion_is_commanded_bit_for_bit():
     loop = Driven(ball_guard())
-    wish = np.array([-0.123456789])
-    loop.run(wish, 40)
-    assert loop.commands[-1].velocity.tobytes() == wish.tobytes()
+    desired = np.array([-0.123456789])
+    loop.run(desired, 40)
+    assert loop.commands[-1].velocity.tobytes() == desired.tobytes()
     assert loop.commands[-1].passed == {"arm": 1.0}
 
 
-def test_what_is_told_changes_no_faster_than_the_acceleration():
+def test_commands_change_no_faster_than_the_acceleration():
     loop = Driven(ball_guard())
-    for wish in (2.0, -2.0, 0.3):
-        loop.run([wish], 150)
-    told = np.array([c.velocity[0] for c in loop.commands])
-    assert np.abs(np.diff(told)).max() <= 8.0 * PERIOD * (1.0 + 1e-9)
+    for desired in (2.0, -2.0, 0.3):
+        loop.run([desired], 150)
+    commanded = np.array([c.velocity[0] for c in loop.commands])
+    assert np.abs(np.diff(commanded)).max() <= 8.0 * PERIOD * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize(
     ("response", "delay", "miss"),
     [("slow", 0, 0.0), ("slow", 3, 0.0), ("deflect", 0, 0.0), ("deflect", 2, 0.01)],
 )
-def test_a_wish_that_leads_into_the_ball_ends_at_the_floor_without_a_stop(
+def test_desired_motion_into_the_ball_ends_at_the_floor_without_a_stop(
     response, delay, miss
 ):
     loop = Driven(ball_guard(response), delay=delay, miss=miss)
@@ -64,8 +64,8 @@ def test_a_wish_that_leads_into_the_ball_ends_at_the_floor_without_a_stop(
     # It comes near, too: no more than what a resting arm needs for its errors.
     assert gaps[-1] < FLOOR + 0.002
     # An arm that is slowed gently: never harder than its declared stop.
-    told = np.array([c.velocity[0] for c in loop.commands])
-    assert np.diff(told).min() >= -4.0 * PERIOD * (1.0 + 1e-9)
+    commanded = np.array([c.velocity[0] for c in loop.commands])
+    assert np.diff(commanded).min() >= -4.0 * PERIOD * (1.0 + 1e-9)
 
 
 def test_the_response_stop_goes_on_as_asked_and_then_stops():
@@ -73,7 +73,7 @@ def test_the_response_stop_goes_on_as_asked_and_then_stops():
     loop.run([1.0], 1700)
     first = next(k for k, c in enumerate(loop.commands) if c.action > 0)
     assert loop.commands[first].verdict.reason is Reason.TOO_CLOSE
-    # Until then nothing of the wish was taken back.
+    # Until then nothing of the desired motion was taken back.
     assert loop.commands[first - 1].velocity[0] == 1.0
     rest = loop.run([1.0], 600)
     assert rest.velocity[0] == 0.0
@@ -83,14 +83,14 @@ def test_the_response_stop_goes_on_as_asked_and_then_stops():
     assert slowed.min() >= -4.0 * PERIOD * (1.0 + 1e-9)
 
 
-def test_deflect_slides_along_a_wall_where_slow_stands_still():
+def test_deflect_slides_along_a_wall_where_slow_comes_to_rest():
     # The arm is stretched out towards the wall, and is to sweep along it.
     start = [0.2, 0.2, 0.1]
-    wish = np.array([0.5, 0.0, 0.0])
+    desired = np.array([0.5, 0.0, 0.0])
     ways = {}
     for response in ("slow", "deflect"):
         loop = Driven(wall_guard(response), q=start)
-        loop.run(wish, 2500)
+        loop.run(desired, 2500)
         assert loop.stops == []
         ways[response] = np.abs(loop.q - start).max()
         nearest = loop.commands[-1].verdict.nearest
@@ -99,18 +99,23 @@ def test_deflect_slides_along_a_wall_where_slow_stands_still():
     assert ways["deflect"] > 3.0 * ways["slow"]
 
 
-def test_slow_keeps_the_direction_that_was_asked_for():
+def test_slow_keeps_the_desired_direction():
     loop = Driven(wall_guard("slow"), q=[0.2, 0.2, 0.1])
-    wish = np.array([0.4, 0.2, 0.1])
-    loop.run(wish, 1500)
+    desired = np.array([0.4, 0.2, 0.1])
+    loop.run(desired, 1500)
     for command in loop.commands[200:]:
-        told = command.velocity
-        if np.linalg.norm(told) > 1e-4:
-            cosine = told @ wish / np.linalg.norm(told) / np.linalg.norm(wish)
+        commanded = command.velocity
+        if np.linalg.norm(commanded) > 1e-4:
+            cosine = (
+                commanded
+                @ desired
+                / np.linalg.norm(commanded)
+                / np.linalg.norm(desired)
+            )
             assert cosine > 0.999
 
 
-def test_what_is_told_keeps_every_proof_so_that_the_next_cycle_never_stops():
+def test_commands_keep_every_proof_so_that_the_next_cycle_never_stops():
     rng = np.random.default_rng(4)
     loop = Driven(wall_guard(), q=[0.2, 0.2, 0.2])
     for _ in range(30):
@@ -123,8 +128,8 @@ def test_what_is_told_keeps_every_proof_so_that_the_next_cycle_never_stops():
 def test_no_chatter_at_the_boundary():
     loop = Driven(wall_guard(), q=[0.2, 0.2, 0.1])
     loop.run([0.8, 0.0, 0.0], 2500)
-    told = np.array([c.velocity for c in loop.commands[1500:]])
-    jerk = np.diff(told, 2, axis=0) / PERIOD**2
+    commanded = np.array([c.velocity for c in loop.commands[1500:]])
+    jerk = np.diff(commanded, 2, axis=0) / PERIOD**2
     # What rounding leaves: a hundredth of what one step of full acceleration makes.
     assert np.abs(jerk).max() < 0.01 * 8.0 / PERIOD
 
@@ -140,14 +145,14 @@ def test_joints_slow_down_before_their_limits():
 @pytest.mark.parametrize("response", ["slow", "deflect"])
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_nor_does_one_pass_its_limit_because_another_one_is_faster(response, share):
-    # Who keeps his direction slows down all joints in proportion, but not there.
+    # A response that keeps directions slows down all joints in proportion, not there.
     loop = Driven(wall_guard(response), q=[-1.6, 0.0, -0.5])
     loop.run([-2.0 * share, 0.0, 2.0], 1500)
     assert loop.stops == []
     assert -2.0 <= loop.q[0] < -1.98
 
 
-def test_wishes_above_the_top_speed_are_scaled():
+def test_desired_motion_above_the_top_speed_is_scaled():
     loop = Driven(wall_guard(), q=[-1.0, 0.0, 0.0])
     loop.run([0.0, 8.0, 4.0], 400)
     fastest = max((c.velocity for c in loop.commands), key=lambda v: abs(v).max())
@@ -173,7 +178,7 @@ def tool_point(q):
 
 
 @pytest.mark.parametrize(
-    ("wish", "words"),
+    ("desired", "words"),
     [
         ([np.nan], "nan"),
         ([np.inf], "inf"),
@@ -183,10 +188,10 @@ def tool_point(q):
         ({"arm/joint9": 1.0}, "arm/joint9"),
     ],
 )
-def test_a_wish_that_is_none_stops_the_arms_and_says_why(wish, words):
+def test_invalid_desired_motion_stops_the_arms_and_says_why(desired, words):
     loop = Driven(ball_guard())
     loop.run([0.5], 100)
-    command = loop.cycle(wish)
+    command = loop.cycle(desired)
     assert command.action is Action.STOP
     assert command.verdict.level is Level.STOP
     assert command.verdict.reason is Reason.WRONG_COMMAND
@@ -213,7 +218,7 @@ def test_a_wrong_twist_is_refused_by_name():
     assert "'arm'" in command.verdict.why
 
 
-def test_an_arm_that_is_faster_than_it_was_told_is_stopped():
+def test_an_arm_that_is_faster_than_its_commands_is_stopped():
     loop = Driven(ball_guard())
     loop.run([-0.2], 60)
     loop.v = np.array([-0.5])

@@ -1,4 +1,4 @@
-"""Pick, lift, carry, place, let go, hand over; and everything that is not meant."""
+"""Pick, lift, carry, place, let go, hand over; and everything that is not intended."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def closed_on(loop, robot="arm", name="block"):
 
 
 def gaps(loop, a, b):
-    """True distance of two bodies that nobody holds in every cycle [m]."""
+    """True distance in every cycle of two bodies that no gripper holds [m]."""
     rows = []
     for q, _ in loop.rows:
         boxes = boxes_at(loop.guard, q)
@@ -126,7 +126,7 @@ def test_contact_happens_at_creep_and_no_deeper_than_the_contract_says():
 
 
 # An arm that drifts against one side of what is between its fingers, as fast as its
-# figures say: the hand and the right finger both miss what they are told [m/s].
+# figures say: the hand and the right finger both miss their commands [m/s].
 DRIFT = {"arm/y": 0.002, "arm/open_right": -0.002}
 
 
@@ -141,7 +141,7 @@ def test_drift_does_not_use_the_depth_of_a_contract_up(response):
     assert loop.stops == []
     assert -0.002 <= gaps(loop, "arm/right", "block").min() < 0.0
     assert gaps(loop, "arm/left", "block")[-1] <= 0.0
-    # He asks for nothing, the contract is in force, and drift goes on.
+    # The operator desires no motion, the contract is in force, and drift goes on.
     loop.push({}, 2000)
     assert loop.stops == []
     assert gaps(loop, "arm/right", "block").min() >= -0.002
@@ -211,7 +211,7 @@ def test_what_is_held_is_put_down_along_the_way_its_operator_leads_it(response):
     assert slowed[:, 0] == pytest.approx(-0.03 / 0.08 * slowed[:, 1], rel=1e-6)
 
 
-def test_drift_beside_what_is_no_contract_moves_nobody_who_asks_for_nothing():
+def test_drift_beside_what_is_no_contract_moves_no_arm_without_desired_motion():
     guard = guard_of(pick_scene())
     loop = Loop(guard, drift=DRIFT)
     loop.push({}, 1000)
@@ -241,7 +241,7 @@ def test_pushing_at_speed_is_no_intent():
         assert gaps(loop, f"arm/{finger}", "block").min() >= FLOOR
 
 
-def test_beside_what_is_meant_is_no_intent():
+def test_beside_the_target_is_no_intent():
     # The way of the middle leads past the block; a finger would touch it.
     guard = guard_of(pick_scene(blocks={"block": (0.0, 0.07)}))
     loop = Loop(guard)
@@ -260,7 +260,7 @@ def placed(guard, **places):
     return loop
 
 
-def test_who_passes_by_slowly_does_not_mean_it_however_near_he_is():
+def test_passing_by_slowly_is_no_intent_however_near_the_fingers_are():
     # The middle is 8 mm beside the block, where standing still means it. Here it passes
     # along the block, whose edge is in the way of a finger.
     guard = guard_of(pick_scene())
@@ -285,7 +285,7 @@ def test_a_finger_that_runs_into_it_does_not_mean_it():
     assert {c.b for c in loop.guard.contracts} == {"block"}
 
 
-def test_what_is_not_meant_any_more_is_come_no_nearer_to():
+def test_fingers_come_no_nearer_to_a_former_target():
     # Fingers reach 5 mm below the top of the block and are 3 mm off it.
     guard = guard_of(pick_scene())
     loop = placed(guard, z=0.155, open_left=0.03, open_right=0.03)
@@ -315,23 +315,23 @@ def test_only_links_that_are_fingers_may_touch():
     assert loop.stops == []
 
 
-def test_without_filter_measured_speed_tells_what_is_meant():
-    for speed, meant in ((0.05, True), (0.3, False)):
+def test_without_filter_measured_speed_gives_the_target():
+    for speed, intended in ((0.05, True), (0.3, False)):
         guard = guard_of(pick_scene())
         q, seen = guard.home, False
         for k in range(int(0.2 / speed / PERIOD)):
             q[2] -= speed * PERIOD
             guard.step(q, k * PERIOD, velocity=[0.0, 0.0, -speed, 0.0, 0.0])
             seen |= bool(guard.contracts)
-        assert seen == meant
+        assert seen == intended
 
 
 def episode(rng):
     """Pick one of several blocks in random places and put it down in another.
 
     Returns:
-        The loop, and least true distances: of fingers from blocks that are not meant,
-        and of the hand from all.
+        The loop, and least true distances: of fingers from blocks other than the
+        target, and of the hand from all.
     """
     free = [(x, y) for x in (-0.3, -0.1, 0.1, 0.3) for y in (-0.3, 0.0, 0.3)]
     spots = [free[k] for k in rng.permutation(len(free))]
@@ -368,21 +368,21 @@ def test_random_episodes_succeed_and_touch_nothing_else():
         assert least >= FLOOR
 
 
-def wish_to_grip(loop, xy):
-    """What an operator wishes who grips a block: over it, down to it, and closed."""
+def desired_grip(loop, xy):
+    """Desired motion to grip a block: over it, down to it, and closed."""
     x, y, z = loop.q[:3]
     beside = max(abs(xy[0] - x), abs(xy[1] - y))
     goal = (*xy, DOWN) if beside < 0.003 else (x, y, UP) if z < UP - 0.02 else (*xy, UP)
-    wish = np.clip(4.0 * (np.array(goal) - loop.q[:3]), -0.08, 0.08)
+    desired = np.clip(4.0 * (np.array(goal) - loop.q[:3]), -0.08, 0.08)
     down = beside < 0.003 and z < DOWN + 0.003
     closing = np.clip((TOUCH if down else OPEN) - loop.q[3:], -0.02, 0.02)
-    return dict(zip(loop.guard.q_names, (*wish, *closing), strict=True))
+    return dict(zip(loop.guard.q_names, (*desired, *closing), strict=True))
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
-    # Three blocks side by side, 20 mm apart, an operator who changes his mind, and an
-    # arm that is late and misses what it is told.
+def test_whatever_is_desired_only_the_target_is_touched_and_no_deeper(seed):
+    # Three blocks side by side, 20 mm apart, an operator with changing intent, and an
+    # arm that is late and misses its commands.
     rng = np.random.default_rng(seed)
     step = 2.0 * BLOCK[0] + 0.02
     blocks = {f"b{k}": (step * (k - 1), 0.0) for k in range(3)}
@@ -391,21 +391,21 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
     assert loop.go({"arm/z": 0.2}, speed=0.3, within=5e-3)
     touched, least = set(), np.inf
     for n in range(60):
-        wish = dict.fromkeys(guard.q_names, 0.0)
+        desired = dict.fromkeys(guard.q_names, 0.0)
         means = blocks[f"b{rng.integers(3)}"] if n % 15 == 7 else None
         speed = rng.choice([0.02, 0.06, 0.3])
         for axis, size in (("x", 1.0), ("y", 0.2), ("z", 1.0)):
-            wish[f"arm/{axis}"] = speed * size * rng.uniform(-1.0, 1.0)
-        wish["arm/z"] -= 0.4 * speed
+            desired[f"arm/{axis}"] = speed * size * rng.uniform(-1.0, 1.0)
+        desired["arm/z"] -= 0.4 * speed
         closing = rng.uniform(-0.05, 0.03)
-        wish["arm/open_left"] = wish["arm/open_right"] = closing
+        desired["arm/open_left"] = desired["arm/open_right"] = closing
         loop.rows.clear()
         for cycle in range(100 if means is None else 3000):
             if means is not None:
-                # Who was stopped lets go first.
-                wish = wish_to_grip(loop, means) if cycle > 20 else {}
-            loop.cycle(wish)
-            meant = int(guard._grips.grippers[0].target)
+                # An operator lets go first after a stop.
+                desired = desired_grip(loop, means) if cycle > 20 else {}
+            loop.cycle(desired)
+            intended = int(guard._grips.grippers[0].target)
             at = boxes_at(guard, loop.q)
             parts = [at["arm/left"], at["arm/right"]]
             for k in range(3):
@@ -413,7 +413,7 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
                 least = min(least, found)
                 # What opens is judged for now, its measurement may be 2 ms old.
                 if found < FLOOR - 4e-4:
-                    assert k == meant
+                    assert k == intended
                     touched.add(k)
                 assert gap(at["arm/hand"], at[f"b{k}"]) >= FLOOR
             assert min(gap(part, at["table"]) for part in parts) >= FLOOR
@@ -422,7 +422,7 @@ def test_whatever_is_wished_only_what_is_meant_is_touched_and_no_deeper(seed):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_whatever_is_wished_what_is_held_touches_only_what_it_may_rest_on(seed):
+def test_whatever_is_desired_a_held_object_touches_only_its_supports(seed):
     rng = np.random.default_rng(100 + seed)
     blocks = {"block": (0.0, 0.0), "one": (0.12, 0.0), "two": (0.0, 0.16)}
     scene = pick_scene(blocks=blocks)
@@ -438,9 +438,9 @@ def test_whatever_is_wished_what_is_held_touches_only_what_it_may_rest_on(seed):
     least = {"table": np.inf, "others": np.inf}
     for _ in range(60):
         speed = rng.choice([0.05, 0.2, 0.6])
-        wish = {f"arm/{x}": speed * rng.uniform(-1.0, 1.0) for x in "xyz"}
+        desired = {f"arm/{x}": speed * rng.uniform(-1.0, 1.0) for x in "xyz"}
         for _ in range(80):
-            loop.cycle(wish)
+            loop.cycle(desired)
             at = boxes_at(guard, loop.q, {"block": "arm"}, {"block": offset})
             held, rest = at["block"], (at["one"], at["two"], post)
             parts = (held, at["arm/hand"], at["arm/left"], at["arm/right"])
@@ -462,8 +462,8 @@ def test_a_neighbour_20_mm_beside_keeps_its_full_buffer():
     guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
     loop = Loop(guard)
     assert loop.go({"arm/z": DOWN}, speed=0.08)
-    meant = {c.b for c in guard.contracts}
-    assert meant == {"block"}
+    intended = {c.b for c in guard.contracts}
+    assert intended == {"block"}
     assert loop.go(fingers(TOUCH), speed=0.02)
     # Now towards the neighbour, slowly, for long.
     loop.push({"arm/x": 0.01}, 2500)
@@ -488,13 +488,13 @@ def test_intent_changes_to_another_object_only_when_the_first_is_clear():
     assert loop.stops == []
 
 
-def test_what_stands_3_mm_beside_something_is_lifted_without_coming_nearer():
+def test_an_object_3_mm_beside_another_is_lifted_without_coming_nearer():
     apart = 2.0 * BLOCK[0] + 0.003
     guard = guard_of(pick_scene(blocks={"block": (0.0, 0.0), "other": (apart, 0.0)}))
     loop = Loop(guard)
     closed_on(loop)
     assert kinds(guard) == {"held", "standing", "beside"}
-    # The operator pulls towards the other block while he lifts.
+    # The operator pulls towards the other block while lifting.
     loop.push({"arm/x": 0.02, "arm/z": 0.02}, 1000)
     offset = middle_of(guard, "block") - loop.q[:3]
     loop.push({"arm/z": 0.1}, 1500)
@@ -569,7 +569,7 @@ def test_exceeded_by_a_millimetre_is_hold_and_one_gets_out_again():
     loop = Loop(guard)
     loop.go({"arm/z": DOWN}, speed=0.08)
     loop.push({"arm/open_left": -0.05, "arm/open_right": -0.05}, 1500)
-    # Somebody shifts the block: now a finger is 3 mm in it.
+    # A person shifts the block: now a finger is 3 mm in it.
     middle = np.array([0.0, 0.0, BLOCK[2]])
     middle[1] += 0.003 + gaps(loop, "arm/left", "block")[-1]
     T = np.eye(4)
@@ -668,7 +668,7 @@ def test_grasping_twice_or_releasing_what_is_not_held_is_refused():
     assert loop.push(np.zeros(5), 10).action is Action.FOLLOW
 
 
-def test_the_same_wishes_give_the_same_bits():
+def test_the_same_desired_motion_gives_the_same_bits():
     runs = []
     for _ in range(2):
         loop = Loop(guard_of(pick_scene()))

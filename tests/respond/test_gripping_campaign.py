@@ -30,7 +30,7 @@ from gripping_campaign import CAMPAIGN, EXTREME, is_broken, summed_up
 from peers.shapes import coal_pair
 
 
-def test_a_sample_of_things_that_are_picked_and_placed():
+def test_a_sample_of_objects_that_are_picked_and_placed():
     found = summed_up("placing", list(CAMPAIGN.run("placing", range(6))))
     assert found["certified"] == found["episodes"] == 6
     assert found["grasps_done"] == found["placements_done"] == 6
@@ -55,7 +55,7 @@ def test_a_sample_of_operators_who_change_their_minds():
     assert found["least_not_meant_mm"] >= 5.0
 
 
-def test_grasps_that_nobody_means_are_held_back():
+def test_unintended_grasps_are_held_back():
     """One of each kind; without a guard each of them touches something."""
     episodes = list(CAMPAIGN.run("unintended", range(6)))
     found = CAMPAIGN.figures_of("unintended", episodes)

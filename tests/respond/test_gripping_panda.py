@@ -67,11 +67,11 @@ class Arm:
     def cycle(self, twist=None, fingers=0.0):
         """One cycle, led by a twist or with the fingers."""
         if fingers:
-            wish = {"arm/panda_finger_joint1": fingers}
-            command = self.guard.filter(self.q, wish, self.t, velocity=self.v)
+            desired = {"arm/panda_finger_joint1": fingers}
+            command = self.guard.filter(self.q, desired, self.t, velocity=self.v)
         else:
-            wish = {HAND: np.zeros(6) if twist is None else twist}
-            command = self.guard.filter_twists(self.q, wish, self.t, velocity=self.v)
+            desired = {HAND: np.zeros(6) if twist is None else twist}
+            command = self.guard.filter_twists(self.q, desired, self.t, velocity=self.v)
         self.v = command.velocity
         self.q = self.q + self.v * PERIOD
         self.t += PERIOD
@@ -86,11 +86,11 @@ class Arm:
             way = np.array([x, y, z]) - T[:3, 3]
             if np.linalg.norm(way) < 1.5e-3 and np.abs(self.v).max() < 2e-3:
                 return True
-            wish = 6.0 * way
-            wish *= min(1.0, speed / np.linalg.norm(wish))
+            desired = 6.0 * way
+            desired *= min(1.0, speed / np.linalg.norm(desired))
             turn = 2.0 * np.cross(T[:3, 2], [0.0, 0.0, -1.0])
             turn[2] = -2.0 * T[0, 1]
-            self.cycle(np.concatenate([wish, turn]))
+            self.cycle(np.concatenate([desired, turn]))
         return False
 
     def judge(self):
@@ -186,7 +186,7 @@ def test_what_is_put_down_goes_down_straight():
     assert arm.hand[2, 3] == pytest.approx(DOWN, abs=3e-3)
     assert np.abs(arm.hand[:2, 3] - begin[:2, 3]).max() < 1e-3
     assert np.abs(arm.hand[:3, :3] - begin[:3, :3]).max() < 4e-3
-    # Who slides it along the table is not held back by that.
+    # An arm that slides it along the table is not held back by that.
     for _ in range(500):
         arm.cycle(np.array([0.0, -0.05, -0.02, 0.0, 0.0, 0.0]))
     assert arm.hand[1, 3] - begin[1, 3] < -0.015

@@ -25,12 +25,12 @@ class Stopped(Driven):
         return command
 
 
-def held_loop(wish=0.5):
+def held_loop(desired=0.5):
     """A loop whose arm was stopped for a wrong command, and waits."""
     loop = Stopped(ball_guard())
-    loop.run([wish], 150)
+    loop.run([desired], 150)
     loop.cycle([np.nan])
-    while loop.cycle([wish]).action >= Action.STOP:
+    while loop.cycle([desired]).action >= Action.STOP:
         assert len(loop.commands) < 1000
     return loop
 
@@ -103,7 +103,7 @@ def test_an_ordered_stop_keeps_its_reason(reason):
 
 
 @pytest.mark.parametrize("reason", UNTIL_ENGAGED)
-def test_only_who_engages_it_ends_a_stop_that_was_ordered(reason):
+def test_only_an_engagement_ends_a_stop_that_was_ordered(reason):
     loop = Stopped(ball_guard())
     loop.run([0.5], 150)
     loop.stop(400, reason=reason)
@@ -125,7 +125,7 @@ def test_only_who_engages_it_ends_a_stop_that_was_ordered(reason):
     assert loop.q[0] < rests[0] - 0.05
 
 
-def test_who_orders_a_stop_of_a_robot_that_was_stopped_already_holds_it():
+def test_an_ordered_stop_holds_a_robot_that_was_stopped_already():
     loop = held_loop()
     loop.stop(3)
     # Cycles without a time of their own may be a sensing delay later than their stamps:
@@ -157,12 +157,12 @@ def test_a_checkpoint_knows_since_when_a_robot_is_held():
     loop.stop(9)
     other = ball_guard()
     other.restore(loop.guard.checkpoint())
-    told = [
+    commands = [
         guard.filter(loop.q, [0.0], loop.t, velocity=loop.v)
         for guard in (loop.guard, other)
     ]
-    assert told[0].held == told[1].held != {}
-    assert told[0].numbers.tobytes() == told[1].numbers.tobytes()
+    assert commands[0].held == commands[1].held != {}
+    assert commands[0].numbers.tobytes() == commands[1].numbers.tobytes()
 
 
 def test_a_reset_forgets_it():

@@ -157,17 +157,17 @@ def test_ways_are_sought_from_twice_the_evade_time_on(share):
     assert sought == (share < 1.0)
 
 
-def test_a_robot_that_asks_for_motion_past_a_body_does_not_lead_away():
+def test_desired_motion_past_a_body_does_not_lead_away():
     # Its tip is on a line with the ball, and the second joint moves it across that.
     guard = chain_guard(("slide", "turn"), (1.3, 0.0), {**EXACT, "acceleration": 5.0})
     q, cycle = np.zeros(2), iter(range(10_000))
 
-    def ask(wish, count):
+    def ask(desired, count):
         """Some cycles at rest; the reasons it does not follow."""
         blocked = []
         for _ in range(count):
             now = 5.0 + PERIOD * next(cycle)
-            command = guard.filter(q, np.array(wish), now, velocity=0.0 * q, now=now)
+            command = guard.filter(q, np.array(desired), now, velocity=0.0 * q, now=now)
             blocked.append(command.blocked["arm"])
         return set(blocked)
 

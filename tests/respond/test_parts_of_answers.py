@@ -73,7 +73,7 @@ def motion(rng):
 
 
 def watch(rng):
-    """What a robot was told, and that a cycle has passed since."""
+    """The last command of a robot, and that a cycle has passed since."""
     given, timing = records(1, Given)[0], records(1, Timing)[0]
     given.now, timing.period, timing.late = 5.0, 0.01, 0.0
     return record(
@@ -237,7 +237,7 @@ def test_a_velocity_costs_a_pair_its_delay_and_its_stop():
         costs(a, v, m)
         f = m.joint_figures
         d, gain = f.deceleration, f.acceleration * DT
-        # Reaction, ramp and swing, and the stop of what it can be told in a cycle.
+        # Reaction, ramp and swing, and the stop from what can be commanded in a cycle.
         time = DELAY + 0.5 * RAMP + f.settle / f.velocity
         braking = 0.5 * gain / d
         last = np.abs(v.commanded)
@@ -248,7 +248,7 @@ def test_a_velocity_costs_a_pair_its_delay_and_its_stop():
     assert opening > 5
 
 
-def test_until_it_matters_a_pair_loses_what_was_told_and_what_drives_miss():
+def test_until_it_matters_a_pair_loses_the_commands_and_what_drives_miss():
     rng = np.random.default_rng(2)
     closed = 0
     for _ in range(30):
@@ -260,7 +260,7 @@ def test_until_it_matters_a_pair_loses_what_was_told_and_what_drives_miss():
     assert closed > 5
 
 
-def test_a_joint_beyond_its_limit_is_told_what_brings_it_back():
+def test_a_joint_beyond_its_limit_may_only_come_back():
     rng = np.random.default_rng(3)
     for _ in range(60):
         a, m = answers(rng), motion(rng)
@@ -318,7 +318,7 @@ def test_a_joint_that_opens_a_pair_is_given_no_credit_for_going_on():
         assert a.limits[0] == pytest.approx(known)
 
 
-def test_a_robot_that_is_yielded_to_has_all_and_the_other_what_nobody_needs():
+def test_a_robot_that_is_yielded_to_has_all_and_the_other_what_is_left():
     settings = records(2, places.Behaviour)
     settings.sharing = places.BY_PRIORITY
     for its, above, known in ((0.3, 1.0, 1.0), (0.3, -1.0, 0.0), (0.0, -1.0, 1.0)):
@@ -597,7 +597,7 @@ def test_each_joint_has_a_way_of_its_own_in_both_directions():
 
 @pytest.mark.parametrize("ordered", [False, True])
 @pytest.mark.parametrize("phase", [RESTING, RUNNING, STOPPING])
-def test_a_robot_that_rests_or_runs_waits_for_the_reason_that_it_stands_still(
+def test_a_robot_that_rests_or_runs_waits_for_the_reason_of_its_standstill(
     phase, ordered
 ):
     why = int(Reason.STOP_ORDERED) if ordered else 777
@@ -610,7 +610,7 @@ def test_a_robot_that_rests_or_runs_waits_for_the_reason_that_it_stands_still(
         a.request.stop_reason = why
         v = record(phase=np.array([phase]), cause=np.array([before]))
         assert waits(a, v)
-        # What stopped it before is told on, unless somebody ordered this.
+        # What stopped it before is reported on, unless a person ordered this stop.
         kept = phase == STOPPING or (before != Reason.OK and not ordered)
         assert v.cause[0] == (before if kept else why)
         assert a.notes[0].ordered_stop == (why if ordered else 0)
@@ -626,11 +626,11 @@ def test_what_drives_miss_is_how_far_they_are_outside_what_is_under_way(
     rng = np.random.default_rng(16)
     part = 1.0 - np.exp(-DT / MISSING_TIME)
     for _ in range(10):
-        a, m, told = answers(rng), motion(rng), watch(rng)
+        a, m, watched = answers(rng), motion(rng), watch(rng)
         middle, velocity = rng.uniform(-0.3, 0.3, (2, JOINTS))
-        told.given.has_velocity = measured
+        watched.given.has_velocity = measured
         v = record(
-            **told._asdict(),
+            **watched._asdict(),
             phase=np.array([phase]),
             velocity=velocity,
             under_way=np.sort(rng.uniform(-0.2, 0.2, (JOINTS, 2)), axis=1),

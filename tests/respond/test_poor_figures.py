@@ -26,10 +26,10 @@ class Poor(Driven):
         super().__init__(guard, **options)
         self.sign = 1.0
 
-    def cycle(self, wish, form="filter"):
+    def cycle(self, desired, form="filter"):
         true, self.sign = self.q, -self.sign
         self.q = true + self.sign * ERROR
-        command = super().cycle(wish, form)
+        command = super().cycle(desired, form)
         self.q = true + self.v * PERIOD
         return command
 

@@ -1,4 +1,4 @@
-"""Leaving what is too near: surely, whatever the joints make of what they are told."""
+"""Leaving what is too near: surely, whatever the joints make of their commands."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ TRACKING = 0.02
 class Drifting(Driven):
     """An arm that misses every command towards what is near, unless it is held."""
 
-    def cycle(self, wish, form="filter"):
-        command = super().cycle(wish, form)
+    def cycle(self, desired, form="filter"):
+        command = super().cycle(desired, form)
         if command.action < Action.STOP:
             drift = TRACKING * 1e-3
             self.q = self.q + drift
@@ -43,13 +43,13 @@ def test_the_tests_know_what_is_declared():
     assert pressed().guard.tables.robots[0].stopping.tracking_error[0] == TRACKING
 
 
-@pytest.mark.parametrize("wish", [-1e-5, -0.01, -0.1, -1.5])
-def test_however_little_is_asked_for_it_surely_leads_away(wish):
+@pytest.mark.parametrize("desired", [-1e-5, -0.01, -0.1, -1.5])
+def test_however_little_is_desired_it_surely_leads_away(desired):
     loop = pressed()
     begin = len(loop.commands)
-    loop.run([wish], 5)
-    told = [c.velocity[0] for c in loop.commands[begin:]]
-    moving = [u for u in told if u != 0.0]
+    loop.run([desired], 5)
+    commanded = [c.velocity[0] for c in loop.commands[begin:]]
+    moving = [u for u in commanded if u != 0.0]
     assert moving
     assert max(moving) < -TRACKING
     # At first no faster than that takes.
@@ -62,8 +62,8 @@ def test_an_arm_that_drifts_as_far_as_it_may_never_comes_nearer():
     rng = np.random.default_rng(1)
     farthest = begin
     for _ in range(60):
-        wish = float(rng.uniform(-0.08, 0.02))
-        loop.run([wish], int(rng.integers(1, 40)))
+        desired = float(rng.uniform(-0.08, 0.02))
+        loop.run([desired], int(rng.integers(1, 40)))
         farthest = max(farthest, loop.q[0])
         if loop.commands[-1].blocked != {"arm": Blocked.TOO_NEAR}:
             break
@@ -71,7 +71,7 @@ def test_an_arm_that_drifts_as_far_as_it_may_never_comes_nearer():
     assert loop.q[0] < begin - 0.02
 
 
-def test_who_lets_go_on_the_way_out_is_stopped_and_held():
+def test_an_arm_whose_operator_lets_go_on_the_way_out_is_stopped_and_held():
     loop = pressed()
     loop.run([-0.1], 20)
     assert loop.commands[-1].blocked == {"arm": Blocked.TOO_NEAR}
@@ -85,7 +85,7 @@ def test_who_lets_go_on_the_way_out_is_stopped_and_held():
     assert (loop.q == rest).all()
 
 
-def test_asking_for_a_little_of_the_wrong_way_is_not_asking():
+def test_a_little_desired_motion_of_the_wrong_way_does_not_count():
     loop = pressed()
     command = loop.run([1e-5], 20)
     assert command.velocity[0] == 0.0

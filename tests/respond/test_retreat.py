@@ -27,11 +27,11 @@ def guard():
     return bay_guard()
 
 
-def led_in(guard, cycles=2500, wish=wander):
+def led_in(guard, cycles=2500, desired=wander):
     """A loop whose left arm was led somewhere, then stopped, and now rests."""
     guard.reset()
     loop = bay_loop(guard)
-    loop.run(wish, cycles)
+    loop.run(desired, cycles)
     assert loop.stops == []
     loop.inward = len(loop.q_rows)
     loop.cycle(np.full(14, np.nan))
@@ -41,10 +41,10 @@ def led_in(guard, cycles=2500, wish=wander):
     return loop
 
 
-def until(loop, why, cycles=15000, wish=None):
+def until(loop, why, cycles=15000, desired=None):
     """Go on until the left arm says this; the last command."""
     for _ in range(cycles):
-        command = loop.cycle(loop.still if wish is None else wish)
+        command = loop.cycle(loop.still if desired is None else desired)
         if command.blocked["left"] is why:
             return command
     raise AssertionError(f"never {why.name}, but {command.blocked['left'].name}")
@@ -78,8 +78,8 @@ def test_it_goes_no_faster_than_it_resumes(guard):
     speeds = np.abs(np.array(loop.v_rows[loop.rests :]))[:, LEFT] / TOP
     assert speeds.max() <= 0.1 + 1e-9
     assert speeds.max() > 0.095
-    told = np.array([c.velocity[LEFT] for c in loop.commands[loop.rests :]])
-    assert np.abs(np.diff(told, 2, axis=0)).max() / 0.001**2 < 200.0
+    commanded = np.array([c.velocity[LEFT] for c in loop.commands[loop.rests :]])
+    assert np.abs(np.diff(commanded, 2, axis=0)).max() / 0.001**2 < 200.0
 
 
 def place_on_the_way(guard, loop, share):
@@ -90,7 +90,7 @@ def place_on_the_way(guard, loop, share):
     return tip
 
 
-def test_where_something_stands_in_the_way_back_it_waits_and_says_so(any_guard):
+def test_where_something_is_in_the_way_back_it_waits_and_says_so(any_guard):
     guard = any_guard
     loop = led_in(guard)
     try:
@@ -115,7 +115,7 @@ def test_where_something_stands_in_the_way_back_it_waits_and_says_so(any_guard):
     assert (np.abs(loop.q - guard.home)[LEFT] / TOP).max() < TRAIL_STEP
 
 
-def test_a_retreat_that_is_asked_for_during_a_stop_begins_when_it_rests(guard):
+def test_a_retreat_that_is_requested_during_a_stop_begins_when_it_rests(guard):
     guard.reset()
     loop = bay_loop(guard)
     loop.run(wander, 1500)
@@ -129,24 +129,24 @@ def test_a_retreat_that_is_asked_for_during_a_stop_begins_when_it_rests(guard):
 def test_an_operator_who_never_let_go_neither_ends_it_nor_has_the_arm_then(guard):
     loop = led_in(guard, 600)
     guard.retreat("left")
-    wish = wander(loop)
-    until(loop, Blocked.RETREATING, wish=wish)
-    command = until(loop, Blocked.STOPPED, wish=wish)
+    desired = wander(loop)
+    until(loop, Blocked.RETREATING, desired=desired)
+    command = until(loop, Blocked.STOPPED, desired=desired)
     assert (np.abs(loop.q - guard.home)[LEFT] / TOP).max() < TRAIL_STEP
-    loop.run(wish, 100)
+    loop.run(desired, 100)
     assert np.abs(command.velocity[LEFT]).max() < 0.02
     loop.cycle(loop.still)
-    assert loop.run(wish, 300).velocity == pytest.approx(wish)
+    assert loop.run(desired, 300).velocity == pytest.approx(desired)
 
 
-def test_who_let_go_and_asks_for_something_has_it_at_once(guard):
+def test_an_operator_who_let_go_and_desires_motion_has_it_at_once(guard):
     loop = led_in(guard)
     guard.retreat("left")
     loop.run(loop.still, 500)
-    wish = -0.1 * wander(loop)
-    command = loop.run(wish, 400)
+    desired = -0.1 * wander(loop)
+    command = loop.run(desired, 400)
     assert command.blocked["left"] is Blocked.NOT
-    assert command.velocity == pytest.approx(wish)
+    assert command.velocity == pytest.approx(desired)
 
 
 def test_engaging_ends_it(guard):
@@ -169,28 +169,28 @@ def test_another_stop_ends_it(guard):
     assert (command.velocity == 0.0).all()
 
 
-def test_who_tells_positions_meets_his_master_again_afterwards(guard):
+def test_a_robot_with_desired_positions_meets_its_leader_arm_again_afterwards(guard):
     guard.reset()
     loop = bay_loop(guard)
-    master = guard.home.copy()
+    leader = guard.home.copy()
 
     def lead(loop):
-        master[:] += 0.001 * wander(loop)
-        return master
+        leader[:] += 0.001 * wander(loop)
+        return leader
 
     loop.run(lead, 1500, "filter_positions")
     loop.cycle(np.full(14, np.nan), "filter_positions")
-    loop.run(master, 1000, "filter_positions")
+    loop.run(leader, 1000, "filter_positions")
     guard.retreat("left")
     for _ in range(20000):
-        command = loop.cycle(master, "filter_positions")
+        command = loop.cycle(leader, "filter_positions")
         if command.blocked["left"] is Blocked.STOPPED:
             break
     assert (np.abs(loop.q - guard.home)[LEFT] / TOP).max() < TRAIL_STEP
     rests = loop.q.copy()
-    loop.run(master, 300, "filter_positions")
+    loop.run(leader, 300, "filter_positions")
     assert (loop.q == rests).all()
-    # The master comes to where the arm is, and has it again.
+    # The leader arm comes to where the arm is, and has it again.
     command = loop.run(loop.q + 0.01, 50, "filter_positions")
     assert command.blocked["left"] is Blocked.NOT
 
@@ -212,7 +212,7 @@ def test_to_positions_it_goes_straight_where_that_is_free(guard):
 
 
 def round_a_corner(loop):
-    """A wish that turns the left arm, and then leans it forward."""
+    """Desired motion that turns the left arm, and then leans it forward."""
     v = np.zeros(14)
     v[0 if loop.t < 1.45 else 1] = 0.5
     return v
@@ -278,7 +278,7 @@ def test_before_the_first_cycle_there_is_no_way_back(guard):
         guard.retreat("left", to=guard.home[LEFT])
 
 
-def test_between_two_things_too_near_it_waits_for_one_of_them_to_go():
+def test_between_two_bodies_too_near_it_waits_for_one_of_them_to_go():
     scene = ball_scene()
     for name in ("one", "other"):
         scene.add(Sphere(radius=0.1), name=name, present=False)
@@ -293,7 +293,7 @@ def test_between_two_things_too_near_it_waits_for_one_of_them_to_go():
     pinched = loop.run([0.0], 200)
     assert pinched.blocked == {"arm": Blocked.PINCHED}
     assert pinched.velocity[0] == 0.0
-    # What stands behind it goes: it leaves the other one, and goes back all the way.
+    # The obstacle behind it goes: it leaves the other one, and goes back all the way.
     guard.remove("other")
     leaving = loop.run([0.0], 30)
     assert leaving.blocked == {"arm": Blocked.TOO_NEAR}
@@ -306,12 +306,12 @@ def test_between_two_things_too_near_it_waits_for_one_of_them_to_go():
 def test_what_is_remembered_is_bounded_and_shortened_by_going_back(guard):
     guard.reset()
     loop = bay_loop(guard)
-    wish = loop.still.copy()
-    wish[0] = 0.5
-    loop.run(wish, 1500)
+    desired = loop.still.copy()
+    desired[0] = 0.5
+    loop.run(desired, 1500)
     places = guard._lead.notes[0].count
     assert 20 < places < 40
-    loop.run(-wish, 1500)
+    loop.run(-desired, 1500)
     assert guard._lead.notes[0].count < 0.3 * places
     # Round and round: the oldest places are forgotten.
     for _ in range(2):
@@ -320,7 +320,7 @@ def test_what_is_remembered_is_bounded_and_shortened_by_going_back(guard):
 
 
 def circle(t):
-    """A wish that leads the left wrist round in free space."""
+    """Desired motion of the left wrist round in free space."""
     v = np.zeros(14)
     v[4], v[6] = 1.5 * np.cos(3.0 * t), 1.5 * np.sin(3.0 * t)
     return v

@@ -1,4 +1,4 @@
-"""Two arms that come near each other: who of them is slowed."""
+"""Two arms that come near each other: which one is slowed."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,11 @@ from driven import Driven, two_arms
 
 
 def gap(loop):
-    """Distance told of the two arms [m]."""
+    """Reported distance of the two arms [m]."""
     return loop.commands[-1].verdict.nearest.distance
 
 
-def test_a_parked_arm_is_not_pushed_and_slows_nobody_before_its_own_stop():
+def test_a_parked_arm_is_not_pushed_and_slows_no_arm_before_its_own_stop():
     loop = Driven(two_arms(parked=0.9))
     parked = loop.q[1]
     while loop.cycle([-0.5, 0.0]).velocity[0] > -0.5:

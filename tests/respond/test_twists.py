@@ -20,7 +20,7 @@ def guard():
     return Guard(bay_scene("path"), self_test=False)
 
 
-def asked_for(guard, q, twists):
+def requested_by(guard, q, twists):
     """Joint velocities a guard makes of twists at a configuration."""
     guard.reset()
     still = np.zeros(len(q))
@@ -39,13 +39,13 @@ def twist_of(guard, q, v, name):
 
 def test_the_tools_of_both_arms_move_as_asked(guard):
     q = guard.home
-    v = asked_for(guard, q, {"left": TWIST, "right": -TWIST})
+    v = requested_by(guard, q, {"left": TWIST, "right": -TWIST})
     assert twist_of(guard, q, v, "left") == pytest.approx(TWIST, abs=2e-3)
     assert twist_of(guard, q, v, "right") == pytest.approx(-TWIST, abs=2e-3)
 
 
-def test_who_is_not_named_is_asked_for_nothing(guard):
-    v = asked_for(guard, guard.home, {"left": TWIST})
+def test_no_motion_is_desired_of_a_robot_that_is_not_named(guard):
+    v = requested_by(guard, guard.home, {"left": TWIST})
     assert np.abs(v[LEFT]).max() > 0.0
     assert np.all(v[RIGHT] == 0.0)
 
@@ -53,9 +53,9 @@ def test_who_is_not_named_is_asked_for_nothing(guard):
 def test_two_tools_of_an_arm_are_led_at_once(guard):
     q = guard.home
     # What the elbow does for the tool is asked of it as well: both can be had.
-    free = asked_for(guard, q, {"left": TWIST})
+    free = requested_by(guard, q, {"left": TWIST})
     elbow = twist_of(guard, q, free, "left/link4")
-    v = asked_for(guard, q, {"left": TWIST, "left/link4": elbow})
+    v = requested_by(guard, q, {"left": TWIST, "left/link4": elbow})
     assert twist_of(guard, q, v, "left") == pytest.approx(TWIST, abs=3e-3)
     assert twist_of(guard, q, v, "left/link4") == pytest.approx(elbow, abs=3e-3)
 
@@ -64,14 +64,14 @@ def test_two_tools_of_an_arm_are_led_at_once(guard):
 def test_the_others_take_over_what_a_joint_at_its_limit_would_do(guard, k):
     q, tables = guard.home.copy(), guard.tables
     q[LEFT] += BENT
-    free = asked_for(guard, q, {"left": TWIST})
+    free = requested_by(guard, q, {"left": TWIST})
     limits = (tables.lower.copy(), tables.upper.copy())
     # The limit is brought to the joint, for its arm to be where it was.
     away = 2.0 * guard._motion.joint_figures[k].position_error + 0.5 * LIMIT_SPARE
     side = tables.upper if free[k] > 0.0 else tables.lower
     side[k] = q[k] + np.sign(free[k]) * away
     try:
-        v = asked_for(guard, q, {"left": TWIST})
+        v = requested_by(guard, q, {"left": TWIST})
     finally:
         tables.lower[:], tables.upper[:] = limits
     assert v[k] == 0.0 != free[k]

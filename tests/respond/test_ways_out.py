@@ -22,7 +22,7 @@ HARD = {
         0.52, -1.3586, 0.3492, -0.9126, 2.1157, 0.0198, -1.5509,
         1.1314, 1.4981, -2.3857, -0.804, 1.3925, 1.1203, 2.1898,
     ),
-    # The other arm follows its operator, who asks for nothing.
+    # The other arm follows its operator, who desires no motion.
     "beside an arm that is not stopped": (
         1.1993, 1.2677, -1.6479, -0.0953, 1.6529, 1.6179, -3.0048,
         -1.306, -1.6583, -2.2464, -0.3066, -1.139, -1.6111, 1.4793,
@@ -32,7 +32,7 @@ HARD = {
         1.5926, 1.6429, -0.5822, -1.1239, -0.8332, -0.2054, 1.3661,
         2.5489, -0.7489, -0.0283, -1.7295, -1.988, 1.5518, 1.0153,
     ),
-    "both arms between three things each": (
+    "both arms between three bodies each": (
         2.684, -1.6992, 1.7612, 1.6305, 1.3087, -0.4839, -2.7268,
         -2.1382, -1.2115, -0.2843, -1.3171, -0.4161, 0.2299, -0.3074,
     ),
@@ -57,14 +57,14 @@ def test_the_cue_leads_out_where_that_is_hard(hard):
     assert found.out_by_cue == 1
 
 
-def test_no_joint_moves_of_who_asks_for_nothing_however_it_is_held():
+def test_no_joint_moves_without_desired_motion_however_it_is_held():
     guard = Guard(bay_scene("path"), self_test=False)
     for q in map(np.array, HARD.values()):
         velocity, _ = commanded(guard, q, np.zeros_like(q))
         assert not velocity.any()
 
 
-def test_asking_for_the_wrong_way_does_not_lead_nearer():
+def test_desired_motion_of_the_wrong_way_does_not_lead_nearer():
     guard = Guard(bay_scene("path"), self_test=False)
     top = np.concatenate([p.stopping.velocity for p in guard.tables.robots])
     for q in map(np.array, HARD.values()):

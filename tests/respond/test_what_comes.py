@@ -82,7 +82,7 @@ def comes(centre, velocity, half=0.05):
 
 
 def passed(centre, velocity, half=0.05):
-    """When it is as far behind as is asked for, by the corner that leaves last."""
+    """When it is as far behind as is required, by the corner that leaves last."""
     speed = np.linalg.norm(velocity)
     ahead = np.array(velocity) / speed
     start = np.array(centre) + AGE * np.array(velocity)

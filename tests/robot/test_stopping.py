@@ -85,14 +85,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_figure_that_cannot_be_true_is_told_in_words(case):
+def test_a_figure_that_cannot_be_true_is_named_in_words(case):
     declared, says = WRONG[case]
     with pytest.raises(FiguresError) as caught:
         declared_figures(ARM, declared)
     assert says in str(caught.value)
 
 
-def test_who_declares_nothing_else_is_told_what_is_assumed():
+def test_assumptions_are_reported_where_nothing_else_is_declared():
     figures = declared_figures(ARM, LEAST)
     assert figures.joints == ARM.q_names
     assert "deceleration" not in figures.sources
@@ -102,7 +102,7 @@ def test_who_declares_nothing_else_is_told_what_is_assumed():
     assert figures.acceleration.tolist() == [8.0] * 3
 
 
-def test_figures_with_a_table_of_nobody_cannot_be_made():
+def test_figures_with_a_table_of_no_joint_cannot_be_made():
     figures = stopping_figures(ARM, **LEAST)
     values = {key: getattr(figures, key) for key in StoppingFigures.__slots__}
     table = StopTable((1.0,), (0.3,), (0.2,))
@@ -187,9 +187,9 @@ def test_a_table_never_promises_less_than_what_it_was_measured_on(delay):
     travel = lambda v: delay * v + v**2 / (2.0 * least)  # noqa: E731
     table = StopTable(speeds, tuple(map(time, speeds)), tuple(map(travel, speeds)))
     for v in np.linspace(0.01, 3.0, 300):
-        told_time, told_travel = table.at(v)
-        assert told_time >= time(v) - 1e-12
-        assert told_travel >= travel(v) - 1e-12
+        table_time, table_travel = table.at(v)
+        assert table_time >= time(v) - 1e-12
+        assert table_travel >= travel(v) - 1e-12
     assert table.deceleration <= least
 
 
@@ -272,7 +272,7 @@ WRONG_FILES = {
 
 
 @pytest.mark.parametrize("case", WRONG_FILES)
-def test_a_wrong_file_is_told_with_its_line(case, tmp_path):
+def test_a_wrong_file_is_named_with_its_line(case, tmp_path):
     text, says = WRONG_FILES[case]
     with pytest.raises(FiguresError) as caught:
         read(tmp_path, text)
@@ -367,7 +367,7 @@ def test_no_motion_within_the_figures_goes_farther():
     figures = declared_figures(ARM, FULL)
     for _ in range(60):
         j, speed = rng.integers(3), rng.uniform(0.0, 1.0)
-        told = stop_travel(figures, j, speed, period=0.008)
+        computed = stop_travel(figures, j, speed, period=0.008)
         step, v, way, reaction = 1e-4, speed, 0.0, rng.uniform(0.0, 0.018)
         for _ in range(int(reaction / step)):
             way += v * step
@@ -378,7 +378,7 @@ def test_no_motion_within_the_figures_goes_farther():
             share = min(1.0, braked / figures.ramp)
             v -= rng.uniform(1.0, 2.0) * share * figures.deceleration[j] * step
             way, braked = way + max(v, 0.0) * step, braked + step
-        assert way <= told.travel + 1e-3 * figures.velocity[j]
+        assert way <= computed.travel + 1e-3 * figures.velocity[j]
 
 
 def test_a_stop_is_longer_the_faster_the_later_the_softer():
@@ -403,7 +403,7 @@ def test_a_table_takes_the_place_of_the_formula():
     assert stop_travel(figures, 1, 0.5, 0.008).settle > 0.0
 
 
-def test_what_cannot_be_judged_is_told():
+def test_what_cannot_be_judged_is_reported():
     figures = declared_figures(ARM, FULL)
     assert np.isnan(stop_travel(figures, 0, nan, 0.008).travel)
     for period, late in ((-0.001, 0.0), (nan, 0.0), (0.001, -0.001)):

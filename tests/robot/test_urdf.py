@@ -336,7 +336,7 @@ def test_an_unknown_robot_gets_the_known_names_and_no_other_robot():
         find_named_robot("pnda")
 
 
-def test_without_the_package_the_remedy_is_told(monkeypatch):
+def test_without_the_package_the_remedy_is_named(monkeypatch):
     monkeypatch.setattr("armguard.robot.named.PACKAGE", "no-such-package")
     with pytest.raises(ModelError, match=r"pip install 'armguard\[robots\]'"):
         find_named_robot("panda")

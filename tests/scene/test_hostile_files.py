@@ -167,7 +167,7 @@ def test_a_file_that_is_no_scene_is_not_quoted(tmp_path):
     assert "hunter2" not in str(caught.value)
 
 
-def test_as_many_problems_as_anybody_reads_are_listed(place):
+def test_no_more_problems_are_listed_than_a_user_reads(place):
     objects = "".join(f"  o{k}: {{box: [1]}}\n" for k in range(500))
     with pytest.raises(SceneFileError) as caught:
         scene(place, objects=f"objects:\n{objects}")

@@ -1,4 +1,4 @@
-"""Meshes in a scene: any soup, any number of triangles, every fault told."""
+"""Meshes in a scene: any soup, any number of triangles, every fault reported."""
 
 import os
 import tracemalloc
@@ -41,8 +41,8 @@ def write_stl(path, corners):
 
 def test_a_surface_is_its_triangles():
     scene = arm_scene()
-    thing = scene.add_mesh((VERTICES, FACES), name="ramp", pose=POSE, rounding=0.01)
-    assert thing.shapes == ()
+    item = scene.add_mesh((VERTICES, FACES), name="ramp", pose=POSE, rounding=0.01)
+    assert item.shapes == ()
     tables = compile_scene(scene)
     corners = np.array(VERTICES)[np.array(FACES)]
     expected = [
@@ -102,8 +102,8 @@ def test_any_soup_is_legal():
     vertices = [*VERTICES, (5, 5, 5)]
     faces = [(0, 2, 1), (0, 1, 2), (0, 0, 1), (3, 3, 3), (0, 1, 2), (4, 4, 0)]
     scene = arm_scene()
-    thing = scene.add_mesh((vertices, faces), name="soup", pose=POSE)
-    assert thing.surfaces[0].triangles == pytest.approx(
+    item = scene.add_mesh((vertices, faces), name="soup", pose=POSE)
+    assert item.surfaces[0].triangles == pytest.approx(
         np.array(vertices, float)[np.array(faces)]
     )
     assert len(compile_scene(scene).kinds) == len(arm_kinds()) + len(faces)
@@ -122,8 +122,8 @@ def test_files_are_read(tmp_path, suffix):
     else:
         box.export(path)
     scene = Scene(mode="fixed")
-    thing = scene.add_mesh(path, name="box", scale=(2, 1, -1))
-    (surface,) = thing.surfaces
+    item = scene.add_mesh(path, name="box", scale=(2, 1, -1))
+    (surface,) = item.surfaces
     assert len(surface) == 12
     corners = surface.triangles.reshape(-1, 3)
     assert np.abs(corners) == pytest.approx(np.tile([0.5, 0.5, 1.0], (36, 1)))
@@ -152,7 +152,7 @@ def test_two_hundred_thousand_triangles_stay_one_array(tmp_path):
     scene = arm_scene()
     compile_scene(scene)
     tracemalloc.start()
-    thing = scene.add_mesh(path, name="much")
+    item = scene.add_mesh(path, name="much")
     _, reading = tracemalloc.get_traced_memory()
     tables = compile_scene(scene)
     _, peak = tracemalloc.get_traced_memory()
@@ -160,7 +160,7 @@ def test_two_hundred_thousand_triangles_stay_one_array(tmp_path):
     rows = count * ROW_WIDTH * 8
     assert reading < 2.5 * rows
     assert peak < 3.0 * rows
-    assert np.array_equal(thing.surfaces[0].triangles, corners.astype(np.float64))
+    assert np.array_equal(item.surfaces[0].triangles, corners.astype(np.float64))
     assert np.array_equal(tables.local_rows[-count:, 1:10], corners.reshape(-1, 9))
     assert len(np.unique(tables.owners)) == count + len(
         np.unique(tables.owners[:-count])
@@ -168,13 +168,13 @@ def test_two_hundred_thousand_triangles_stay_one_array(tmp_path):
     assert tables.labels[-1] == f"much[{count - 1}]"
 
 
-def test_progress_is_told_for_large_files(tmp_path, monkeypatch):
+def test_progress_is_reported_for_large_files(tmp_path, monkeypatch):
     monkeypatch.setattr("armguard.scene.meshes.source.BLOCK", 100)
     path = write_stl(tmp_path / "long.stl", np.ones((250, 3, 3)))
-    told = []
-    thing = Scene().add_mesh(path, name="long", progress=lambda *a: told.append(a))
-    assert told == [("reading long.stl", k, 3) for k in (1, 2, 3)]
-    assert len(thing.surfaces[0]) == 250
+    reported = []
+    item = Scene().add_mesh(path, name="long", progress=lambda *a: reported.append(a))
+    assert reported == [("reading long.stl", k, 3) for k in (1, 2, 3)]
+    assert len(item.surfaces[0]) == 250
 
 
 def test_the_limit_is_judged_by_the_header_alone(tmp_path):
@@ -273,7 +273,7 @@ BAD = {
 
 @pytest.mark.parametrize("form", ["triangles", "hull", "pieces"])
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_mesh_is_told(tmp_path, case, form):
+def test_a_bad_mesh_is_reported(tmp_path, case, form):
     make, says = BAD[case]
     with pytest.raises(MeshError) as caught:
         Scene().add_mesh(make(tmp_path), name="thing", form=form)
@@ -294,7 +294,7 @@ def test_a_bad_mesh_is_told(tmp_path, case, form):
         ),
     ],
 )
-def test_bad_settings_are_told(settings, says):
+def test_bad_settings_are_reported(settings, says):
     with pytest.raises(MeshError) as caught:
         Scene().add_mesh((VERTICES, FACES), name="thing", **settings)
     assert says in str(caught.value)
@@ -314,8 +314,8 @@ def test_triangles_do_not_ride_on_links(tmp_path):
     with pytest.raises(SceneError) as caught:
         scene.add(surface, name="tool", attached_to="arm/link7")
     assert str(caught.value) == says
-    thing = scene.add_mesh(mesh, name="tool", form="hull", attached_to="arm/link7")
-    assert thing.attached_to == "arm/link7"
+    item = scene.add_mesh(mesh, name="tool", form="hull", attached_to="arm/link7")
+    assert item.attached_to == "arm/link7"
     write_stl(tmp_path / "tool.stl", np.ones((1, 3, 3)))
     (tmp_path / "scene.yaml").write_text(
         f"robots:\n  arm: {{urdf: {FOLDER / 'bay_arm.urdf'}, mode: fixed}}\nobjects:\n"

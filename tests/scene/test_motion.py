@@ -182,12 +182,12 @@ def mesh_depth(pair, scene, q):
     for triangle in triangles:
         mesh.addTriangle(*triangle)
     mesh.endModel()
-    thing = scene.objects[pair.b]
+    item = scene.objects[pair.b]
     request, result = coal.CollisionRequest(), coal.CollisionResult()
     request.num_max_contacts, request.enable_contact = 1000, True
     deepest = 0.0
-    for part in thing.shapes:
-        T_part = thing.pose.matrix() @ part.pose.matrix()
+    for part in item.shapes:
+        T_part = item.pose.matrix() @ part.pose.matrix()
         result.clear()
         coal.collide(
             mesh,

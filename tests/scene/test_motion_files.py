@@ -51,7 +51,7 @@ def test_tables_of_every_kind_say_the_same(tmp_path, text):
         ("# nothing\n", "there is no configuration"),
     ],
 )
-def test_tables_that_cannot_be_meant_are_refused(tmp_path, text, says):
+def test_tables_that_cannot_be_intended_are_refused(tmp_path, text, says):
     path = tmp_path / "m.csv"
     path.write_text(text)
     with pytest.raises(TrajectoryError) as caught:

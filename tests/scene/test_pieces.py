@@ -96,13 +96,13 @@ def test_pieces_hold_every_vertex(size, inside_out):
 def test_pieces_are_the_same_every_time_and_kept(tmp_path, monkeypatch):
     ring = trimesh.creation.torus(1.0, 0.3, major_sections=16, minor_sections=8)
     mesh = (ring.vertices, ring.faces)
-    told = []
-    first = convex_pieces(mesh, concavity=0.2, progress=lambda *a: told.append(a))
-    assert told == [("cutting (vertices, faces) into convex pieces", 1, 1)]
+    reported = []
+    first = convex_pieces(mesh, concavity=0.2, progress=lambda *a: reported.append(a))
+    assert reported == [("cutting (vertices, faces) into convex pieces", 1, 1)]
     assert outside(first, ring.vertices) <= 1e-9
-    told.clear()
-    kept = convex_pieces(mesh, concavity=0.2, progress=lambda *a: told.append(a))
-    assert told == []
+    reported.clear()
+    kept = convex_pieces(mesh, concavity=0.2, progress=lambda *a: reported.append(a))
+    assert reported == []
     monkeypatch.setenv("ARMGUARD_CACHE", str(tmp_path / "other"))
     anew = convex_pieces(mesh, concavity=0.2)
     for a, b, c in zip(first, kept, anew, strict=True):
@@ -150,12 +150,12 @@ def test_scene_files_name_pieces(tmp_path):
         "  held:\n    mesh: {file: angle.stl, as: pieces, scale: 0.1, max_pieces: 4}\n"
         "    attached_to: arm/link7\n"
     )
-    things = load_scene(tmp_path / "scene.yaml").objects
-    assert len(things["angle"].shapes) == 2
-    assert all(s.shape.rounding >= 0.01 for s in things["angle"].shapes)
-    (whole,) = things["whole"].shapes
+    items = load_scene(tmp_path / "scene.yaml").objects
+    assert len(items["angle"].shapes) == 2
+    assert all(s.shape.rounding >= 0.01 for s in items["angle"].shapes)
+    (whole,) = items["whole"].shapes
     assert np.ptp(whole.shape.vertices, axis=0) == pytest.approx([0.5, 0.5, 0.1])
-    assert len(things["held"].shapes) == 2
+    assert len(items["held"].shapes) == 2
 
 
 def flat_soup():
@@ -178,7 +178,7 @@ def flat_soup():
         (angle(), {"max_pieces": 0}, "max_pieces is 0; it must be at least 1"),
     ],
 )
-def test_what_cannot_be_cut_is_told(mesh, settings, says):
+def test_what_cannot_be_cut_is_reported(mesh, settings, says):
     with pytest.raises(MeshError) as caught:
         convex_pieces(mesh, **settings)
     assert says in str(caught.value)

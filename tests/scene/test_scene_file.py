@@ -62,7 +62,7 @@ index: {kind: brute_force, leaf_capacity: 3, cube: {centre: [0, 0, 0], edge: 9}}
 """
     )
     scene = load_scene(write(tmp_path, text))
-    shapes = {name: thing.shapes[0].shape for name, thing in scene.objects.items()}
+    shapes = {name: item.shapes[0].shape for name, item in scene.objects.items()}
     assert shapes["ball"] == Sphere(radius=0.1, rounding=0.01)
     assert shapes["rod"] == Capsule(start=(0, 0, 0), end=(0, 0, 1), radius=0.1)
     assert shapes["stick"].end == (0, 0, 0.2)
@@ -204,7 +204,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_told_with_line_and_key(case, tmp_path):
+def test_what_is_wrong_is_named_with_line_and_key(case, tmp_path):
     text, says = WRONG[case]
     with pytest.raises(SceneFileError) as caught:
         load_scene(write(tmp_path, text))
@@ -212,7 +212,7 @@ def test_what_is_wrong_is_told_with_line_and_key(case, tmp_path):
     assert says in str(caught.value)
 
 
-def test_all_problems_are_told_at_once(tmp_path):
+def test_all_problems_are_reported_at_once(tmp_path):
     text = ARM + "objects:\n  a: {sphere: {radius: -1}}\n  b: {box: [1, 2]}\nfoo: 1\n"
     with pytest.raises(SceneFileError) as caught:
         load_scene(write(tmp_path, text))
@@ -278,7 +278,7 @@ def test_two_robots_are_always_checked_against_each_other(tmp_path):
                 assert tables.checked[tables.groups[i], tables.groups[j]]
 
 
-def test_the_cube_grows_to_hold_what_stands_outside(tmp_path):
+def test_the_cube_grows_to_hold_objects_outside(tmp_path):
     text = ARM + (
         "objects: {far: {box: [1, 1, 1], at: {xyz: [9, 0, 0]}}}\n"
         "index: {cube: {centre: [0, 0, 1], edge: 3}}\n"

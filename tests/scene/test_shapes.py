@@ -65,10 +65,10 @@ def write(tmp_path, text):
 def test_an_entry_becomes_the_shape_itself(tmp_path, entry):
     text = f"{ARM}objects:\n  thing: {{{entry}, at: {{xyz: [9, 0, 0]}}}}\n"
     scene = load_scene(write(tmp_path, text))
-    thing = scene.objects["thing"]
-    (placed,) = thing.shapes
+    item = scene.objects["thing"]
+    (placed,) = item.shapes
     assert same(placed.shape, ENTRIES[entry])
-    assert (placed.model_error, thing.pose.xyz) == (0.0, (9, 0, 0))
+    assert (placed.model_error, item.pose.xyz) == (0.0, (9, 0, 0))
     tables = compile_scene(scene)
     assert tables.kinds[-1] == placed.shape.kind
     assert tables.labels[-1] == "thing"
@@ -173,7 +173,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_entry_is_told_with_line_and_key(tmp_path, case):
+def test_a_wrong_entry_is_named_with_line_and_key(tmp_path, case):
     entry, says = WRONG[case]
     with pytest.raises(SceneFileError) as caught:
         load_scene(write(tmp_path, f"{ARM}objects:\n  b: {{{entry}}}\n"))
@@ -267,12 +267,12 @@ def test_moveit_planes_are_solid_below(tmp_path):
 
 def test_moveit_meshes_are_their_triangles(tmp_path):
     inner = f"meshes: [{SQUARE}]\n      mesh_poses: [{AT}]"
-    thing = moveit(tmp_path, inner)
-    (surface,) = thing.surfaces
+    item = moveit(tmp_path, inner)
+    (surface,) = item.surfaces
     assert surface.triangles[0] == pytest.approx(
         np.array([[1, 2, 3], [2, 2, 3], [1, 3, 3]])
     )
-    assert (len(surface), thing.shapes, thing.pose.xyz) == (2, (), (0, 0, 1))
+    assert (len(surface), item.shapes, item.pose.xyz) == (2, (), (0, 0, 1))
 
 
 @pytest.mark.parametrize(
@@ -301,7 +301,7 @@ def test_moveit_meshes_are_their_triangles(tmp_path):
         ),
     ],
 )
-def test_what_moveit_cannot_mean_is_told(tmp_path, inner, says):
+def test_what_moveit_cannot_mean_is_reported(tmp_path, inner, says):
     with pytest.raises(SceneError) as caught:
         moveit(tmp_path, inner)
     assert "s.yaml:4: world.collision_objects[0]: " in str(caught.value)
@@ -315,8 +315,8 @@ def test_all_cylinders_of_the_public_scenes_are_true():
     written, true, boxes = 0, 0, 0
     for path in files:
         written += path.read_text().count("type: cylinder")
-        for thing in load_scene(path).objects.values():
-            for placed in thing.shapes:
+        for item in load_scene(path).objects.values():
+            for placed in item.shapes:
                 assert isinstance(placed.shape, Box | Cylinder)
                 assert (placed.model_error, placed.shape.rounding) == (0.0, 0.0)
                 true += isinstance(placed.shape, Cylinder)

@@ -288,7 +288,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_told_with_line_and_key(case, tmp_path):
+def test_what_is_wrong_is_named_with_line_and_key(case, tmp_path):
     rest, says = WRONG[case]
     with pytest.raises(SceneFileError) as caught:
         load_scene(write(tmp_path, rest + "\n"))
@@ -333,9 +333,9 @@ def keys_of(model, before=""):
 def test_the_page_has_every_key_and_the_defaults_there_are():
     rows = dict(re.findall(r"^\| `([a-z_.]+)` \|.*\| ([^|]+) \|$", PAGE, re.MULTILINE))
     assert set(keys_of(StoppingModel)) == set(rows)
-    for key, told in rows.items():
-        if re.fullmatch(r"[\d.]+", told):
-            assert float(told) == DECLARED[NAME_OF[key]].default, key
+    for key, stated in rows.items():
+        if re.fullmatch(r"[\d.]+", stated):
+            assert float(stated) == DECLARED[NAME_OF[key]].default, key
 
 
 def test_the_example_of_the_page_is_read(tmp_path):

@@ -47,7 +47,7 @@ class Bench:
         self.arrival = self.judge.arrival
 
     def take(self, payload, taker=take_state, sender=ME, sequence=1, now=0, token=0):
-        """Hand a payload over; what came of it, and of the wish in it."""
+        """Hand a payload over; what came of it, and of the desired motion in it."""
         self.buffer[48 : 48 + len(payload)] = payload
         arrival = self.arrival
         arrival.length, arrival.now = 48 + len(payload) + 16, now
@@ -66,14 +66,14 @@ def bench(tmp_path):
     one.ring.close()
 
 
-def state(q, v=None, bits=ALL, stamp=1.5, wish=b""):
-    flags = (HAS_VELOCITY if v is not None else 0) | (WITH_WISH if wish else 0)
+def state(q, v=None, bits=ALL, stamp=1.5, desired=b""):
+    flags = (HAS_VELOCITY if v is not None else 0) | (WITH_WISH if desired else 0)
     numbers = [*q, *([] if v is None else v)]
     head = struct.pack("<IId", bits, flags, stamp)
-    return head + struct.pack(f"<{len(numbers)}d", *numbers) + wish
+    return head + struct.pack(f"<{len(numbers)}d", *numbers) + desired
 
 
-def wish_of(values, form=Form.VELOCITIES, token=SHOWN):
+def desired_motion(values, form=Form.VELOCITIES, token=SHOWN):
     return struct.pack(f"<QII{len(values)}d", token, form, len(values), *values)
 
 
@@ -117,7 +117,7 @@ def test_a_state_that_is_none_changes_nothing(bench):
         state(q[:7] + 1.0, bits=0b100): "robots",
         state(q[:7] + 1.0, bits=1 << 31): "robots",
         state(q + 1.0, bits=0b1): "joints",
-        state(q + 1.0, v, wish=bytes(8)): "joints",
+        state(q + 1.0, v, desired=bytes(8)): "joints",
     }
     kept = [a.tobytes() for name, a in desk._asdict().items() if name in READ]
     for payload, outcome in wrong.items():
@@ -131,51 +131,51 @@ def test_a_state_that_is_none_changes_nothing(bench):
     assert bench.take(whole, sequence=7, now=3 * 10**9) == ("", None)
 
 
-READ = ("q", "velocity", "stamps", "measured", "sender", "sequence", "heard", "wish")
+READ = ("q", "velocity", "stamps", "measured", "sender", "sequence", "heard", "desired")
 
 
-def test_wishes_are_taken_over_or_dropped_by_name(bench):
+def test_desired_motion_is_taken_over_or_dropped_by_name(bench):
     desk = bench.desk
     values = np.random.default_rng(1).normal(size=N)
 
     def take(payload, token=SHOWN):
         return bench.take(payload, take_desired_motion, token=token)[0]
 
-    assert take(wish_of(values)) == ""
+    assert take(desired_motion(values)) == ""
     assert desk.desired.tobytes() == values.tobytes()
     twist = [1.0, *range(6)]
     for payload, outcome in (
         (b"", "payload"),
-        (wish_of(values)[:-8], "payload"),
-        (wish_of(values) + bytes(8), "payload"),
-        (wish_of(values, form=9), "payload"),
-        (wish_of(values[:7]), "joints"),
-        (wish_of(values, token=SHOWN + 1), "not_commander"),
-        (wish_of([*values[:13], np.nan]), "wish_not_finite"),
-        (wish_of([*values[:13], np.inf], Form.POSITIONS), "wish_not_finite"),
-        (wish_of(twist[:6], Form.TWISTS), "joints"),
-        (wish_of([0.5, *twist[1:]], Form.TWISTS), "joints"),
-        (wish_of([-1.0, *twist[1:]], Form.TWISTS), "joints"),
-        (wish_of([1e6, *twist[1:]], Form.TWISTS), "joints"),
-        (wish_of(9 * twist, Form.TWISTS), "joints"),
+        (desired_motion(values)[:-8], "payload"),
+        (desired_motion(values) + bytes(8), "payload"),
+        (desired_motion(values, form=9), "payload"),
+        (desired_motion(values[:7]), "joints"),
+        (desired_motion(values, token=SHOWN + 1), "not_commander"),
+        (desired_motion([*values[:13], np.nan]), "wish_not_finite"),
+        (desired_motion([*values[:13], np.inf], Form.POSITIONS), "wish_not_finite"),
+        (desired_motion(twist[:6], Form.TWISTS), "joints"),
+        (desired_motion([0.5, *twist[1:]], Form.TWISTS), "joints"),
+        (desired_motion([-1.0, *twist[1:]], Form.TWISTS), "joints"),
+        (desired_motion([1e6, *twist[1:]], Form.TWISTS), "joints"),
+        (desired_motion(9 * twist, Form.TWISTS), "joints"),
     ):
         assert take(payload) == outcome, (payload, outcome)
         assert desk.desired.tobytes() == values.tobytes()
-    assert take(wish_of(values), token=0) == "not_commander"
-    # In a state, a wish that is none does not keep what was measured from counting.
+    assert take(desired_motion(values), token=0) == "not_commander"
+    # Invalid desired motion in a state does not keep the measurement from counting.
     measured = np.full(N, 0.25)
-    payload = state(measured, wish=wish_of(values, token=3))
+    payload = state(measured, desired=desired_motion(values, token=3))
     assert bench.take(payload, token=SHOWN) == ("", "not_commander")
     assert (desk.q == measured).all()
     # Of two twists for one tool the later one counts.
     first, later = [0.0, *range(6)], [0.0, *range(6, 12)]
-    assert take(wish_of([*first, *twist, *later], Form.TWISTS)) == ""
+    assert take(desired_motion([*first, *twist, *later], Form.TWISTS)) == ""
     rows = [[row.tool, *row.twist] for row in desk.twists[:2]]
     assert rows == [later, twist]
 
 
-def wish_at(form, k, q):
-    """What is wished for in a cycle, and the same for `Guard.filter` and its like."""
+def desired_at(form, k, q):
+    """What is desired in a cycle, and the same for `Guard.filter` and its like."""
     if form is Form.VELOCITIES:
         values = np.sin(0.01 * k + np.arange(N))
         return values, values
@@ -207,10 +207,10 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
     for k in range(300):
         start = 10**12 + k * int(PERIOD * 1e9)
         now = start * 1e-9
-        values, same = wish_at(form, k, q)
+        values, same = desired_at(form, k, q)
         # A tenth of the states come without velocities; one cycle is a stop.
         measured = v if k % 10 else None
-        payload = state(q, measured, stamp=now, wish=wish_of(values, form))
+        payload = state(q, measured, stamp=now, desired=desired_motion(values, form))
         assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
         cause = Cause.STOP_ORDERED if k == 250 else Cause.NONE
         cycle.number, cycle.start, cycle.ended = k, start, start + 5
@@ -225,13 +225,13 @@ def test_the_desk_gives_the_very_bits_of_a_guard(bench, form, solver):
         last = judge.last
         assert last.numbers.tobytes() == command.numbers.tobytes()
         assert last.verdict.numbers.tobytes() == command.verdict.numbers.tobytes()
-        assert bytes(bench.out[48:])[: size_of(2)] == told(
+        assert bytes(bench.out[48:])[: size_of(2)] == packed(
             command, guard, k, start, form
         )
         judge.write_down()
         frame = frame_of(next(bench.reader.unread()))
-        asked_for = FrameForm.STOP if cause else FrameForm(form)
-        assert frame.form is asked_for
+        expected = FrameForm.STOP if cause else FrameForm(form)
+        assert frame.form is expected
         assert frame.now == now
         assert frame.received == (start - 9) * 1e-9
         assert frame.q.tobytes() == q.tobytes()
@@ -255,7 +255,7 @@ def size_of(robots):
     return 136 + 24 + 48 * robots + 16 * N
 
 
-def told(command, guard, k, start, form):
+def packed(command, guard, k, start, form):
     """The payload of a COMMAND, packed from what a command and a verdict say."""
     verdict = command.verdict
     numbers = verdict.numbers
@@ -308,13 +308,13 @@ def told(command, guard, k, start, form):
     return head + command.velocity.tobytes() + command.position.tobytes()
 
 
-def test_what_is_found_out_late_is_told_again(bench):
+def test_what_is_found_out_late_is_reported_again(bench):
     judge, cycle = bench.judge, bench.judge.cycle
     q = judge.guard.guard.home
     for k in range(2):
         start = 10**12 + k * 10**6
-        stamp, wish = start * 1e-9, wish_of(np.full(N, 0.01))
-        payload = state(q, np.zeros(N), stamp=stamp, wish=wish)
+        stamp, desired = start * 1e-9, desired_motion(np.full(N, 0.01))
+        payload = state(q, np.zeros(N), stamp=stamp, desired=desired)
         assert bench.take(payload, sequence=k + 1, token=SHOWN) == ("", "")
         cycle.number, cycle.start, cycle.cause, cycle.marks = k, start, Cause.NONE, 0
         judge.ask(Cause.NONE)

@@ -103,7 +103,7 @@ def test_a_measured_stop_is_not_farther_than_its_table():
     assert time <= table.at(SPEED)[0] + 2e-3
 
 
-def test_a_stop_is_carried_out_whatever_is_told_meanwhile():
+def test_a_stop_is_carried_out_whatever_is_commanded_meanwhile():
     one, _ = driven()
     one.stop()
     one.advance(0.05)

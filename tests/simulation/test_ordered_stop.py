@@ -20,8 +20,8 @@ LATE = 0.4
 # Nothing is waited for longer [s].
 PATIENCE = 60.0
 
-# The operator engages what the guard stopped after 0.6 s; after a stop of a person he
-# is watched for this long [s].
+# The operator engages what the guard stopped after 0.6 s; after a stop by a person the
+# operator is watched for this long [s].
 WATCHED = 4.0
 
 
@@ -69,7 +69,7 @@ class Watched:
 
 
 def moves(frame):
-    """Whether any joint is told to move."""
+    """Whether any joint is commanded to move."""
     return frame.told[: len(frame.q)].any()
 
 
@@ -99,7 +99,7 @@ def test_a_stop_of_a_person_stays_until_a_person_lifts_it(stage):
     watched.until(moves)
 
 
-def test_what_the_guard_stopped_goes_on_without_anybody(stage):
+def test_what_the_guard_stopped_goes_on_without_a_person(stage):
     watched = Watched(stage)
     watched.until(moves)
     stage.crew["arms"].send_signal(signal.SIGSTOP)

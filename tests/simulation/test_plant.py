@@ -23,7 +23,7 @@ def test_orders_take_effect_after_their_delay_and_not_before():
     assert (plant.v > 0.0).all()
 
 
-def test_what_was_told_before_now_is_obeyed_from_now_on():
+def test_what_was_commanded_before_now_is_obeyed_from_now_on():
     plant = Plant(SCENE, imperfection=PERFECT)
     plant.advance(0.5)
     plant.send(WISH, {}, at=0.1)

@@ -15,7 +15,7 @@ TABLES = compile_scene(bay_scene("path"))
 TOP = np.concatenate([part.stopping.velocity for part in TABLES.robots])
 
 
-def test_a_wish_is_a_function_of_seed_time_and_place():
+def test_desired_motion_is_a_function_of_seed_time_and_place():
     one, other = TeleDriver(TABLES, seed=2), TeleDriver(TABLES, seed=2)
     times = np.random.default_rng(0).uniform(0.0, 1e4, 200)
     there = [one.desired(t, TABLES.home) for t in times]
@@ -24,39 +24,39 @@ def test_a_wish_is_a_function_of_seed_time_and_place():
     assert (TeleDriver(TABLES, seed=3).desired(1.0, TABLES.home) != there[0]).any()
 
 
-def test_wishes_are_smooth_and_no_faster_than_the_arms():
+def test_desired_motion_is_smooth_and_no_faster_than_the_arms():
     driver, dt = TeleDriver(TABLES, seed=2), 0.004
     q, last = TABLES.home, np.zeros(14)
     for k in range(int(10 * LEG / dt)):
-        wish = driver.desired(k * dt, q)
-        assert (np.abs(wish) <= 0.8 * TOP + 1e-12).all()
-        assert (np.abs(wish - last) <= 10.0 * TOP * dt).all()
-        q, last = q + wish * dt, wish
+        desired = driver.desired(k * dt, q)
+        assert (np.abs(desired) <= 0.8 * TOP + 1e-12).all()
+        assert (np.abs(desired - last) <= 10.0 * TOP * dt).all()
+        q, last = q + desired * dt, desired
         assert (q > TABLES.lower).all() and (q < TABLES.upper).all()
 
 
-def test_between_two_legs_nothing_is_asked_for():
+def test_between_two_legs_no_motion_is_desired():
     driver = TeleDriver(TABLES, seed=5)
     for k in range(50):
         assert not driver.desired((k + 1) * LEG - 0.01, TABLES.home).any()
 
 
-def test_after_a_stop_he_lets_go_waits_engages_and_goes_elsewhere():
+def test_after_a_stop_the_operator_lets_go_waits_engages_and_goes_elsewhere():
     operator = Operator(TeleDriver(TABLES, seed=1))
     stopped = {"left": Blocked.STOPPED}
     first, _ = operator.drive(1.0, TABLES.home, {})
     assert first[:7].any() and first[7:].any()
-    wish, engages = operator.drive(1.01, TABLES.home, stopped)
-    assert not wish[:7].any() and wish[7:].any() and engages == []
-    # He looks on, whatever the arm does: it is too early to go on.
-    wish, engages = operator.drive(1.1, TABLES.home, {})
-    assert not wish[:7].any() and engages == []
-    wish, engages = operator.drive(1.2, TABLES.home, stopped)
-    wish, engages = operator.drive(1.21 + 2 * WAIT, TABLES.home, stopped)
-    assert engages == ["left"] and not wish[:7].any()
+    desired, engages = operator.drive(1.01, TABLES.home, stopped)
+    assert not desired[:7].any() and desired[7:].any() and engages == []
+    # The operator looks on, whatever the arm does: it is too early to go on.
+    desired, engages = operator.drive(1.1, TABLES.home, {})
+    assert not desired[:7].any() and engages == []
+    desired, engages = operator.drive(1.2, TABLES.home, stopped)
+    desired, engages = operator.drive(1.21 + 2 * WAIT, TABLES.home, stopped)
+    assert engages == ["left"] and not desired[:7].any()
 
 
-def test_after_a_stop_he_backs_off_before_he_goes_elsewhere():
+def test_after_a_stop_the_operator_backs_off_before_going_elsewhere():
     operator = Operator(TeleDriver(TABLES, seed=1))
     q = TABLES.home.copy()
     for k in range(100):
@@ -68,7 +68,7 @@ def test_after_a_stop_he_backs_off_before_he_goes_elsewhere():
     assert -back[0] == np.abs(back[:7]).max()
 
 
-def test_out_of_what_is_too_near_he_tries_other_ways():
+def test_out_of_a_pair_too_near_the_operator_tries_other_ways():
     operator = Operator(TeleDriver(TABLES, seed=1))
     near = {"right": Blocked.TOO_NEAR}
     first, _ = operator.drive(1.0, TABLES.home, near)

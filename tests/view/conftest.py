@@ -35,7 +35,7 @@ FLAGS = [
 ]
 
 # Nothing here takes longer, however busy the machine is: the browser draws without a
-# graphics card, and lets everybody else go first [s].
+# graphics card, and lets every other process go first [s].
 PATIENCE = 120.0
 
 # Levels at which no arm is stopped, and those that only a reset ends.
@@ -77,7 +77,7 @@ class Station:
 
     Attributes:
         page: The browser's page.
-        requests: Addresses the page asked for.
+        requests: Addresses the page requested.
         errors: What went wrong in the page.
         scene_file: The scene's file.
         stage: Service and arms.
@@ -257,7 +257,7 @@ def channel_of(link: str, page: str = "one") -> str:
 
 
 def opened(station: Station) -> Station:
-    """Open the page, listening to all it asks for; whatever is outside is refused."""
+    """Open the page, listening to all it requests; whatever is outside is refused."""
     page = station.page
 
     def ask(route: Any) -> None:
@@ -282,8 +282,8 @@ def opened(station: Station) -> Station:
     station.until(lambda: station.light() not in ("None", ""), "no light")
     page.get_by_role("tab", name="Drive").wait_for(timeout=PATIENCE * 1e3)
     # Viser says that it draws without a graphics card; that is so.
-    told = page.get_by_text("Software WebGL rendering detected")
-    if told.count():
+    notice = page.get_by_text("Software WebGL rendering detected")
+    if notice.count():
         page.locator("[class*=Notification] button").first.click(force=True)
     return station
 

@@ -42,7 +42,7 @@ def random_cycle(world, frame, rng):
     """The cycle with a reason, levels, actions and waiting robots at random."""
     robots = len(world.names.robots)
     reasons, levels = list(Reason), list(Level)
-    verdict, told = frame.verdict.copy(), frame.told.copy()
+    verdict, commanded = frame.verdict.copy(), frame.told.copy()
     verdict[IN_HEADER.reason] = reasons[rng.integers(len(reasons))]
     # How late a cycle was, or where a joint is: some number.
     verdict[IN_HEADER.value] = rng.uniform(0.01, 1.0)
@@ -57,9 +57,9 @@ def random_cycle(world, frame, rng):
     if rng.random() < 0.3:
         # Since when each robot is held, and why: its last numbers of the command.
         is_held = rng.random(robots) < 0.5
-        told[-2 * robots : -robots] = np.where(is_held, 1.0, np.nan)
-        told[-4 * robots : -3 * robots] = np.where(is_held, Blocked.STOPPED, 0)
-    return world.cycle(replace(frame, verdict=verdict, told=told))
+        commanded[-2 * robots : -robots] = np.where(is_held, 1.0, np.nan)
+        commanded[-4 * robots : -3 * robots] = np.where(is_held, Blocked.STOPPED, 0)
+    return world.cycle(replace(frame, verdict=verdict, told=commanded))
 
 
 def contradictions(cycle, message, remark, changed):
@@ -139,7 +139,7 @@ def test_a_robot_that_is_still_stopping_says_why(filtered):
 
 def test_a_joint_outside_its_limits_is_named_with_the_way_back(filtered):
     world, frame = filtered
-    verdict, told, robots = frame.verdict.copy(), frame.told.copy(), 2
+    verdict, commanded, robots = frame.verdict.copy(), frame.told.copy(), 2
     verdict[IN_HEADER.reason], verdict[IN_HEADER.joint] = (
         Reason.OUT_OF_LIMITS,
         3,
@@ -149,9 +149,9 @@ def test_a_joint_outside_its_limits_is_named_with_the_way_back(filtered):
         row = layout.HEADER + k * layout.ROBOT_WIDTH
         verdict[row + IN_ROBOT.cause] = Reason.OUT_OF_LIMITS
         verdict[row + IN_ROBOT.level] = Level.STOP
-    told[-2 * robots : -robots] = 0.0
-    told[-4 * robots : -3 * robots] = Blocked.STOPPED
-    cycle = world.cycle(replace(frame, verdict=verdict, told=told))
+    commanded[-2 * robots : -robots] = 0.0
+    commanded[-4 * robots : -3 * robots] = Blocked.STOPPED
+    cycle = world.cycle(replace(frame, verdict=verdict, told=commanded))
     message = state_message(cycle, 0.0)
     assert message["word"] == "HELD"
     joint = world.tables.q_names[3]

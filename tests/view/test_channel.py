@@ -1,4 +1,4 @@
-"""The page's own channel: who may listen, how fast a level is there, what ends it."""
+"""The page's own channel: which page may listen, how fast a level is there, its end."""
 
 import asyncio
 import contextlib
@@ -35,7 +35,7 @@ NONSENSE = (
 
 
 class Loop:
-    """A loop that judges when it is told to, and a view that reads its ring."""
+    """A loop that judges on demand, and a view that reads its ring."""
 
     def __init__(self, folder: Path) -> None:
         scene = bay_scene("path")
@@ -80,8 +80,8 @@ def listening(loop, **headers):
     return connect(channel_of(loop.view.login.link), additional_headers=sent)
 
 
-async def told(page, seconds):
-    """States the page is told of within some time."""
+async def states_of(page, seconds):
+    """States that the page gets within some time."""
     found = []
     try:
         async with asyncio.timeout(seconds):
@@ -93,7 +93,7 @@ async def told(page, seconds):
         return found
 
 
-def test_every_change_of_a_level_is_told_with_its_sentence(loop):
+def test_every_change_of_a_level_is_sent_with_its_sentence(loop):
     async def listen():
         messages, changes, before = [], [], None
         async with listening(loop) as page:
@@ -104,8 +104,8 @@ def test_every_change_of_a_level_is_told_with_its_sentence(loop):
                 if levels != before:
                     changes.append((k, verdict))
                 before = levels
-                messages += await told(page, 0.02)
-            messages += await told(page, 0.5)
+                messages += await states_of(page, 0.02)
+            messages += await states_of(page, 0.5)
             await page.send(json.dumps({"type": "stop"}))
             for nonsense in NONSENSE:
                 await page.send(nonsense)
@@ -197,7 +197,7 @@ def test_sockets_of_our_own_page_open_on_both_ports(loop):
 
 
 def ask(loop, path="", **headers):
-    """Ask for a file of the page; what comes back."""
+    """Request a file of the page; what comes back."""
     address = loop.view.login.link.partition("?")[0] + path
     one = urllib.request.Request(address, headers=headers)
     return urllib.request.urlopen(one, timeout=PATIENCE)
@@ -230,14 +230,14 @@ def test_only_its_own_files_are_given_and_only_to_browsers_that_were_let_in(loop
     ],
 )
 @pytest.mark.parametrize("known", [True, False])
-def test_what_another_page_asks_for_is_not_answered(loop, headers, known):
+def test_what_another_page_requests_is_not_answered(loop, headers, known):
     cookie = {"Cookie": loop.browser["Cookie"]} if known else {}
     with pytest.raises(OSError) as refused:
         ask(loop, "", **cookie, **{"Sec-Fetch-Site": "same-site"}, **headers)
     assert not isinstance(refused.value, urllib.error.HTTPError)
 
 
-def test_a_link_lets_one_browser_in_and_the_next_one_is_told(loop):
+def test_a_link_lets_one_browser_in_and_the_next_one_reads_why_not(loop):
     login = loop.view.login
     links = []
     login.used = links.append

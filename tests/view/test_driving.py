@@ -16,7 +16,7 @@ from armguard.view.world import tool_pose
 
 
 class Hand:
-    """Somebody at keys and a gamepad, with a clock of his own."""
+    """A person at keys and a gamepad, with a separate clock."""
 
     def __init__(self):
         self.now, self.stops, self.chosen = 0.0, 0, []
@@ -77,7 +77,7 @@ def test_a_gamepad_leads_only_while_its_bumper_is_held():
         {"type": "pad", "axes": [1.0], "buttons": []},
     ],
 )
-def test_nonsense_asks_for_nothing(said):
+def test_nonsense_requests_no_motion(said):
     hand = Hand()
     hand.jog.receive(said)
     assert not hand.jog.direction.any()

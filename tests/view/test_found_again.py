@@ -25,7 +25,7 @@ def heard(page, what):
         message = json.loads(page.recv(timeout=PATIENCE))
         if message["type"] == "state" and what(message):
             return message
-    raise AssertionError("the page was told of nothing of the kind")
+    raise AssertionError("the page got no such state")
 
 
 @pytest.fixture
@@ -46,8 +46,8 @@ def test_a_service_that_was_killed_leaves_a_grey_page_until_there_is_another(sta
             heard(page, lambda message: message["grey"] == "")
             stage.crew["service"].kill()
             stage.crew["service"].wait()
-            told = heard(page, lambda message: message["grey"] != "")
-            assert "nothing new since" in told["grey"]
+            message = heard(page, lambda message: message["grey"] != "")
+            assert "nothing new since" in message["grey"]
             stage.start_service()
             stage.wait_for_service()
             again = heard(page, lambda message: message["grey"] == "")

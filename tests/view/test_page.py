@@ -28,7 +28,7 @@ NOTE_LEVELS = """() => {
 
 
 def at_rest(station):
-    """Whether nothing is told to move any more."""
+    """Whether nothing is commanded to move any more."""
     return not station.newest().told[:7].any()
 
 
@@ -154,15 +154,15 @@ def test_a_near_miss_turns_the_light_and_stops_the_arm(station):
     page = station.page
     page.locator("#sound").click()
     station.tab("Drive")
-    # The post stands to the left of the arm: it is led there, and on.
+    # The post is to the left of the arm: it is led there, and on.
 
     page.evaluate(NOTE_LEVELS)
 
     def stopped():
         if at_rest(station):
             station.lead(1)
-        told = page.evaluate("window.levelsSeen")
-        return any(level in STOPPED and "post" in why for level, why in told)
+        seen = page.evaluate("window.levelsSeen")
+        return any(level in STOPPED and "post" in why for level, why in seen)
 
     station.until(stopped, "the post did not stop the arm")
     station.picture("stopped")

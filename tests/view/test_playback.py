@@ -94,9 +94,11 @@ def test_it_goes_from_stop_to_stop(played, frames):
 def test_the_time_line_has_the_level_of_a_stop_while_a_robot_is_held(frames):
     cycles = [frame for frame in frames if frame.kind is Kind.CYCLE][:3]
     # Since when each of two robots is held, before two other numbers of each.
-    told = [np.array([*[0.0] * 60, since, np.nan, 0.0, 0.0]) for since in (np.nan, 1.0)]
+    commanded = [
+        np.array([*[0.0] * 60, since, np.nan, 0.0, 0.0]) for since in (np.nan, 1.0)
+    ]
     held = [
-        replace(frame, told=told[at])
+        replace(frame, told=commanded[at])
         for frame, at in zip(cycles, (0, 1, 0), strict=True)
     ]
     before, after = Playback(cycles, 2), Playback(held, 2)

@@ -29,7 +29,7 @@ PULSE = 0.05
 
 
 def moves(view):
-    """Whether the arm is told to move."""
+    """Whether the arm is commanded to move."""
     frame = view.source.newest
     return frame is not None and bool(np.any(frame.told[: len(frame.q)]))
 
@@ -40,7 +40,7 @@ def leads_tool(view):
 
 
 def desires(view):
-    """Whether the view asks for motion."""
+    """Whether the view desires motion."""
     return bool(view.driver.desired(view.source.newest).velocities.any())
 
 
@@ -158,8 +158,8 @@ def test_silence_ends_inputs():
     assert beats.silence() > LEFT
 
 
-async def told(view, browser, what):
-    """The first state that a page is told of which something is true."""
+async def first_state(view, browser, what):
+    """The first state sent to a page of which something is true."""
     channel = connect(channel_of(view.login.link), additional_headers=browser)
     async with channel as page, asyncio.timeout(PATIENCE):
         while True:
@@ -171,11 +171,11 @@ async def told(view, browser, what):
 def test_a_stop_by_a_person_is_named_and_engaged_from_the_page(live):
     view, browser = live
     ready(view)
-    asyncio.run(told(view, browser, lambda message: not message["held"]))
+    asyncio.run(first_state(view, browser, lambda message: not message["held"]))
     with Client(view.commander._client.port, role=Role.OBSERVE, name="person") as one:
         one.connect()
         one.stop()
-    message = asyncio.run(told(view, browser, lambda message: message["held"]))
+    message = asyncio.run(first_state(view, browser, lambda message: message["held"]))
     assert message["name"] == message["word"] == "HELD"
     assert message["why"].startswith("STOPPED BY A PERSON, since ")
     assert "press Engage all" in message["why"]
@@ -193,7 +193,9 @@ def test_a_stop_by_a_person_is_named_and_engaged_from_the_page(live):
 
     assert asyncio.run(press())
     view.driver.tele = None
-    message = asyncio.run(told(view, browser, lambda message: not message["held"]))
+    message = asyncio.run(
+        first_state(view, browser, lambda message: not message["held"])
+    )
     assert "STOPPED" not in message["why"]
 
 

@@ -1,4 +1,4 @@
-"""What the exporter tells is what the service counted and wrote down."""
+"""The exporter serves what the service counted and wrote down."""
 
 import http.client
 import signal
@@ -44,7 +44,7 @@ from armguard.service.wire import Cause
 # Nothing here takes longer than that, whatever else the machine does [s].
 PATIENCE = 120.0
 
-# State of a socket that listens, as Linux tells it.
+# State of a socket that listens, as Linux reports it.
 LISTENS = "0A"
 
 
@@ -87,7 +87,7 @@ def station():
         for _ in range(100):
             client.cycle(home, np.zeros(len(home)), velocity=np.zeros(len(home)))
             time.sleep(0.004)
-        # A wish without the token, a datagram that is no message, an ordered stop.
+        # A WISH without the token, a datagram that is no message, an ordered stop.
         with Client(port, name="other") as other:
             other.connect()
             other.send_velocities(np.zeros(len(home)))
@@ -98,7 +98,7 @@ def station():
         for _ in range(10):
             client.cycle(home, np.zeros(len(home)), velocity=np.zeros(len(home)))
             time.sleep(0.004)
-        # Nobody counts while the loop is paused.
+        # No process counts while the loop is paused.
         service.send_signal(signal.SIGSTOP)
         yield Station(service, ring, page, exporter)
     for process in (exporter, service):
@@ -118,7 +118,7 @@ def scraped(station):
     }
 
 
-def test_every_counter_is_told(station, scraped):
+def test_every_counter_is_exported(station, scraped):
     values = CountersReader(counters_path(station.ring)).values()
     for name in COUNTERS:
         if name.startswith("dropped_"):
@@ -136,7 +136,7 @@ def test_every_counter_is_told(station, scraped):
     assert values["cycles"] >= 100
 
 
-def test_stops_are_told_by_name(station, scraped):
+def test_stops_are_counted_by_name(station, scraped):
     stops = CountersReader(counters_path(station.ring)).stops()
     assert stops
     for number, count in stops.items():
@@ -166,7 +166,7 @@ def test_times_are_a_histogram_with_all_of_them(station, scraped):
         assert buckets[min(e for e in buckets if e >= median)] >= 0.5 * found.count
 
 
-def test_the_newest_cycle_is_told(station, scraped):
+def test_the_newest_cycle_is_exported(station, scraped):
     frame = None
     for row in RingReader(station.ring).unread():
         found = frame_of(row)
@@ -203,7 +203,7 @@ def test_silence_of_the_loop_is_seen(station, scraped):
     assert float(line.split()[1]) >= before + 0.1
 
 
-def test_the_process_is_told(station, scraped):
+def test_the_process_is_exported(station, scraped):
     assert scraped[("armguard_process_resident_memory_bytes",)] > 1e7
     assert scraped[("armguard_process_open_fds",)] > 0
 
@@ -261,7 +261,7 @@ def test_reasons_have_names():
 
 
 def test_the_page_is_on_loopback_only(station):
-    """Nobody but this machine can ask."""
+    """Only this machine can read the metrics."""
     port = int(station.page.rpartition(":")[2].partition("/")[0])
     rows = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
     here = [row.split()[1] for row in rows if row.split()[3] == LISTENS]
@@ -281,7 +281,7 @@ def test_the_page_is_on_loopback_only(station):
         ("", 421),
     ],
 )
-def test_a_page_that_calls_itself_this_machine_is_told_nothing(station, host, code):
+def test_a_page_that_calls_itself_this_machine_gets_no_answer(station, host, code):
     port = int(station.page.rpartition(":")[2].split("/")[0])
     ask = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     ask.putrequest("GET", "/metrics", skip_host=True)
@@ -294,7 +294,7 @@ def test_a_page_that_calls_itself_this_machine_is_told_nothing(station, host, co
     ask.close()
 
 
-def test_the_age_of_the_recording_is_told_where_there_is_one(station):
+def test_the_age_of_the_recording_is_exported_where_there_is_one(station):
     def ages():
         with urllib.request.urlopen(station.page, timeout=PATIENCE) as answer:
             lines = answer.read().decode().splitlines()

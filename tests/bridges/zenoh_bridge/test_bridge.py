@@ -30,8 +30,8 @@ LATE = 0.4
 
 ROOT = "armguard/bay"
 
-# A commander who is silent for half a second loses the command, as he would here if the
-# machine has no time for him; he tries again.
+# A commander that is silent for half a second loses the command. A busy machine may
+# cause that here; the commander then tries again.
 TRIES = 5
 
 
@@ -49,14 +49,14 @@ def started(*words):
 
 
 def free_port():
-    """A TCP port that nobody has."""
+    """A free TCP port."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
 
 
 def session_at(port):
-    """A Zenoh session that knows the bridge and nobody else."""
+    """A Zenoh session that knows the bridge and no other peer."""
     config = zenoh.Config()
     for key, value in (
         ("mode", "peer"),
@@ -131,7 +131,7 @@ class Arms:
         self.velocities = np.zeros(len(self.names))
         self.sent = 0
         self.enough = threading.Event()
-        self.wish = None
+        self.desired = None
         self.thread = threading.Thread(target=self.run)
         self.thread.start()
 
@@ -152,8 +152,8 @@ class Arms:
             self.positions = self.positions + (now - before) * self.velocities
             before = now
             self.sent = self.controller.client.put("state", self.state())
-            if self.wish is not None:
-                self.commander.put(*self.wish)
+            if self.desired is not None:
+                self.commander.put(*self.desired)
             for command in self.commander.heard["command"][-1:]:
                 self.velocities = np.array(command["velocities"])[::-1]
 
@@ -199,23 +199,23 @@ class Setup:
         raise last
 
     def lead(self, holds):
-        """The first command for which something holds while somebody wishes.
+        """The first command for which something holds while motion is desired.
 
-        A machine that is busy takes the command from him, or brings a stop that was
-        ordered before only when he has engaged: then he begins again.
+        On a busy machine the commander may lose the command, or a stop that was
+        ordered before arrives only after it has engaged: then it begins again.
         """
         for _ in range(TRIES):
             self.claim()
-            self.arms.wish = self.wish()
+            self.arms.desired = self.desired()
             try:
                 return self.commander.await_one("command", holds, patience=3.0)
             except AssertionError as error:
                 last = error
             finally:
-                self.arms.wish = None
+                self.arms.desired = None
         raise last
 
-    def wish(self, speed=0.05):
+    def desired(self, speed=0.05):
         names = self.welcome["names"]
         return "wish/velocities", {"names": names, "velocities": [speed] * len(names)}
 
@@ -243,8 +243,8 @@ def setup(tmp_path_factory):
     found.close()
 
 
-def test_states_and_wishes_become_commands(setup):
-    """Names say which joint is meant: the states come in the opposite order."""
+def test_states_and_desired_motion_become_commands(setup):
+    """Joints are found by their names: the states come in the opposite order."""
     command = setup.lead(
         lambda m: m["began_by"] and m["cause"] == "NONE" and min(m["velocities"]) > 0.0
     )
@@ -255,22 +255,22 @@ def test_states_and_wishes_become_commands(setup):
     assert 0 < command["began_by"]["sequence"] <= setup.arms.sent
     assert [one["sender"] for one in command["states"].values()] == [name] * 2
     assert not command["stop"]
-    # From home in the direction of the wish, joint by joint.
+    # From home in the desired direction, joint by joint.
     home = setup.welcome["home"]
     steps = [b - a for a, b in zip(home, command["positions"], strict=True)]
     assert all(0.0 <= step < 0.05 * 3.0 * TRIES for step in steps)
 
 
-def test_positions_and_twists_are_wishes_too(setup):
+def test_positions_and_twists_are_desired_motion_too(setup):
     names = setup.arms.names
     ahead = (setup.arms.positions + 0.05).tolist()
-    for wish in (
+    for desired in (
         ("wish/positions", {"names": names, "positions": ahead}),
         ("wish/twists", {"tools": ["left"], "twists": [[0, 0, 0.05, 0, 0, 0]]}),
     ):
         for _ in range(TRIES):
             setup.claim()
-            setup.arms.wish = wish
+            setup.arms.desired = desired
             try:
                 setup.commander.await_one(
                     "command",
@@ -284,9 +284,9 @@ def test_positions_and_twists_are_wishes_too(setup):
             except AssertionError:
                 continue
             finally:
-                setup.arms.wish = None
+                setup.arms.desired = None
         else:
-            raise AssertionError(wish)
+            raise AssertionError(desired)
 
 
 def test_a_verdict_says_why(setup):
@@ -299,19 +299,19 @@ def test_a_verdict_says_why(setup):
 def test_there_is_one_commander(setup):
     def second_is_refused():
         setup.claim("first")
-        setup.arms.wish = setup.wish(0.0)
+        setup.arms.desired = setup.desired(0.0)
         try:
             setup.controller.call("claim", name="second")
         except RefusedError as error:
             return "'first' has the command" in str(error)
         finally:
-            setup.arms.wish = None
+            setup.arms.desired = None
         return False
 
     # On a machine that is busy the first one may have lost the command by then.
     assert any(second_is_refused() for _ in range(TRIES))
     dropped = setup.commander.count(
-        "dropped_not_commander", lambda: setup.controller.put(*setup.wish())
+        "dropped_not_commander", lambda: setup.controller.put(*setup.desired())
     )
     assert dropped >= 1
     with pytest.raises(RefusedError, match=r"has the command|no session commands"):
@@ -355,7 +355,7 @@ def test_each_role_may_do_what_its_key_says(setup):
     ):
         with pytest.raises(RefusedError, match="needs the key for"):
             setup.observer.call(call, **arguments)
-    for key, message in (("state", setup.arms.state()), setup.wish()):
+    for key, message in (("state", setup.arms.state()), setup.desired()):
         dropped = setup.commander.count(
             "dropped_role",
             lambda key=key, message=message: setup.observer.put(key, message),
@@ -412,7 +412,7 @@ def test_desired_motion_that_is_late_is_counted_and_dropped(setup):
         for delay in (0.15, 0.3, 2.0, -0.5):
             clock.offset = offset - delay
             more = setup.observer.count(
-                "dropped_late", lambda: setup.commander.put(*setup.wish())
+                "dropped_late", lambda: setup.commander.put(*setup.desired())
             )
             assert more >= 1
     finally:
@@ -461,7 +461,7 @@ def test_calls_reach_the_service(setup):
     assert setup.commander.call("engage", arguments={"name": "left"}) is None
 
 
-def test_everybody_may_order_a_stop(setup):
+def test_every_client_may_order_a_stop(setup):
     stopped = setup.commander.await_one(
         "command",
         lambda m: m["cause"] == "STOP_ORDERED",
@@ -471,7 +471,7 @@ def test_everybody_may_order_a_stop(setup):
     setup.lead(lambda m: m["cause"] == "NONE" and not m["stop"])
 
 
-def test_nobody_outside_this_machine_can_reach_it(setup):
+def test_no_client_outside_this_machine_can_reach_it(setup):
     found = psutil.Process(setup.bridge.pid).net_connections()
     assert any(one.laddr.port == setup.tcp for one in found)
     assert {one.laddr.ip for one in found} <= {"127.0.0.1", "0.0.0.0"}
@@ -536,7 +536,7 @@ def test_a_client_with_other_keys_is_not_answered(setup):
     assert "seal does not fit" in said
 
 
-def test_a_service_that_is_killed_is_told_as_a_stop_and_may_come_back(setup):
+def test_a_service_that_is_killed_is_reported_as_a_stop_and_may_come_back(setup):
     """The last test but one: it ends the service."""
     companion, _ = started(
         *("armguard.bridges.zenoh_bridge", "--port", str(setup.port), "--companion"),
@@ -554,12 +554,12 @@ def test_a_service_that_is_killed_is_told_as_a_stop_and_may_come_back(setup):
     setup.service.communicate(timeout=PATIENCE)
     for path in (setup.ring, counters_path(setup.ring)):
         path.unlink(missing_ok=True)
-    # Whatever is told meanwhile tells every joint to stand still.
+    # Every command of this time has zero velocity for every joint.
     for _ in range(30):
-        told = setup.commander.await_one("command", lambda m: True)
-        assert told["names"] == setup.welcome["names"] and told["stop"]
-        assert told["velocities"] == [0.0] * len(told["names"])
-        assert len(told["positions"]) == len(told["names"])
+        received = setup.commander.await_one("command", lambda m: True)
+        assert received["names"] == setup.welcome["names"] and received["stop"]
+        assert received["velocities"] == [0.0] * len(received["names"])
+        assert len(received["positions"]) == len(received["names"])
     setup.service, line = setup.serve(str(setup.port))
     setup.ring = Path(line.strip().rpartition("ring ")[2])
     # Its keys are others, and the bridge has begun a new session.

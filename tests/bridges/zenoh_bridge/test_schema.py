@@ -77,7 +77,7 @@ def test_what_has_no_number_is_null():
     )
 
 
-def test_a_stop_of_robots_nobody_has_seen_is_json():
+def test_a_stop_of_robots_without_a_measurement_is_json():
     """The last word of a service that ends before any state came."""
     nowhere = np.full(2, np.nan)
     welcome = replace(NOTHING, names=("a/j1", "a/j2"), robots=("a",))

@@ -59,7 +59,7 @@ class FarEnd:
         outbox: Where they are written.
         keys: Its keys.
         port: Its port.
-        sender: Who said something last.
+        sender: The client whose message came last.
         behind: How old its messages say they are [ns].
     """
 
@@ -117,10 +117,10 @@ class FarEnd:
     def send(self, message: bytes | bytearray) -> None:
         self._socket.sendto(message, self._address)
 
-    def command(self, sequence: int, told: float = 0.0, **other: int) -> bytearray:
+    def command(self, sequence: int, offset: float = 0.0, **other: int) -> bytearray:
         """A COMMAND that answers the client's state of that number."""
         began = self.sender, sequence
-        points = np.array([1.0 + told, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])
+        points = np.array([1.0 + offset, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])
         command = COMMAND.pack(
             cycle=sequence,
             began_by=began[0],
@@ -128,12 +128,12 @@ class FarEnd:
             received=10,
             ended=20,
             time=1.5,
-            headroom=told,
+            headroom=offset,
             time_left=0.7,
             body_a=other.get("a", 0),
             body_b=other.get("b", 2),
-            distance=0.3 + told,
-            pair_headroom=0.2 + told,
+            distance=0.3 + offset,
+            pair_headroom=0.2 + offset,
             point_a=points[0].tobytes(),
             point_b=points[1].tobytes(),
             reason=0,
@@ -147,10 +147,10 @@ class FarEnd:
             commander=self.sender,
         )
         rows = b"".join(
-            ROBOT.pack(0, 0, 10 * k, 0, 0.5, 0.25, told + k, *began, np.nan)
+            ROBOT.pack(0, 0, 10 * k, 0, 0.5, 0.25, offset + k, *began, np.nan)
             for k in range(2)
         )
-        joints = (np.arange(2.0 * JOINTS) + told).tobytes()
+        joints = (np.arange(2.0 * JOINTS) + offset).tobytes()
         return self.message(Kind.COMMAND, command + rows + joints)
 
 
@@ -172,7 +172,7 @@ def observer(far: FarEnd) -> Iterator[Client]:
 
 @pytest.fixture
 def client(far: FarEnd, observer: Client) -> Client:
-    """A client that has told where its arms are, and has the command."""
+    """A client that has sent positions of its arms, and has the command."""
     with far.hearing(Kind.STATE):
         observer.cycle([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], timeout=0.0)
     return observer

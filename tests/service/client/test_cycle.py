@@ -1,4 +1,4 @@
-"""A state and a wish go out, and an answer comes back, or a stop is told."""
+"""A state and desired motion go out, and an answer comes back, or a stop."""
 
 import time
 
@@ -29,7 +29,7 @@ def answering(far, before=lambda: None):
 
 
 def read(message: bytes, velocities: bool):
-    """Robots, stamp, positions, velocities, token and wish of a STATE with a wish."""
+    """Robots, stamp, positions, velocities, token and values of a STATE with a WISH."""
     bits, flags, stamp = STATE.unpack_from(message, HEADER.size)
     assert flags == (3 if velocities else 2)
     at = HEADER.size + STATE.size
@@ -37,8 +37,8 @@ def read(message: bytes, velocities: bool):
     at += rows.nbytes
     token, form, count = WISH.unpack_from(message, at)
     assert (form, count) == (1, 3)
-    wish = np.frombuffer(message[at + WISH.size : -SEAL])
-    return bits, stamp, rows.tolist(), token, wish.tolist()
+    desired = np.frombuffer(message[at + WISH.size : -SEAL])
+    return bits, stamp, rows.tolist(), token, desired.tolist()
 
 
 def test_a_cycle_says_what_it_is_given_and_returns_the_answer_to_it(far, client):
@@ -54,8 +54,8 @@ def test_a_cycle_says_what_it_is_given_and_returns_the_answer_to_it(far, client)
         ):
             answer = client.cycle(Q + shift, WANTED, V, stamp=7.0 + k, timeout=PATIENCE)
         assert answer.began == (client.sender, sequence_of(heard[-1]))
-        told = [*(Q + shift), *V]
-        assert read(heard[-1], True) == (3, 7.0 + k, told, TOKEN, [*WANTED])
+        measured = [*(Q + shift), *V]
+        assert read(heard[-1], True) == (3, 7.0 + k, measured, TOKEN, [*WANTED])
     assert sequence_of(heard[2]) == sequence_of(heard[0]) + 2
 
 
@@ -83,10 +83,14 @@ def test_velocities_and_stamp_may_be_left_out(far, client):
 )
 def test_numbers_are_taken_in_any_form(far, client, form):
     heard: list[bytes] = []
-    q, v, wish = np.array([0.5, 0.25, -1.0]), np.array([1.0, 2.0, 4.0]), np.full(3, 8.0)
+    q, v, desired = (
+        np.array([0.5, 0.25, -1.0]),
+        np.array([1.0, 2.0, 4.0]),
+        np.full(3, 8.0),
+    )
     with far.hearing(Kind.STATE, heard.append):
-        client.cycle(form(q), form(wish), form(v), timeout=0.01)
-    assert read(heard[0], True)[2:] == ([*q, *v], TOKEN, [*wish])
+        client.cycle(form(q), form(desired), form(v), timeout=0.01)
+    assert read(heard[0], True)[2:] == ([*q, *v], TOKEN, [*desired])
 
 
 @pytest.mark.parametrize(
@@ -115,16 +119,18 @@ def test_what_is_no_vector_of_the_joints_is_refused_and_not_sent(
 
 
 @pytest.mark.parametrize(
-    ("wish", "sentence"),
+    ("desired", "sentence"),
     [
         (Q[:2], r"the desired motion has shape \(2,\); it must be \(3,\)"),
         (["a", "b", "c"], "the desired motion is .*; it must be real numbers"),
     ],
 )
-def test_a_wish_that_is_no_vector_of_the_joints_is_refused(client, wish, sentence):
+def test_desired_motion_that_is_no_vector_of_the_joints_is_refused(
+    client, desired, sentence
+):
     for send in (client.send_velocities, client.send_positions):
         with pytest.raises(RefusedError, match=sentence):
-            send(wish)
+            send(desired)
 
 
 def test_other_messages_on_the_way_are_no_answer(far, client):
@@ -158,12 +164,12 @@ def test_an_answer_that_is_too_old_when_it_is_read_is_a_stop(far, client):
     """As when the client's own program paused meanwhile."""
     far.behind = 60_000_000_000
     with answering(far):
-        told = client.cycle(Q, WANTED, V, timeout=PATIENCE)
-    assert told.cause is Cause.NO_ANSWER
-    assert (told.velocity == 0.0).all() and (told.position == Q).all()
+        answer = client.cycle(Q, WANTED, V, timeout=PATIENCE)
+    assert answer.cause is Cause.NO_ANSWER
+    assert (answer.velocity == 0.0).all() and (answer.position == Q).all()
 
 
-def test_where_arms_are_is_not_known_before_anybody_told(far, observer):
+def test_positions_of_arms_are_unknown_before_a_client_sends_them(far, observer):
     assert np.isnan(observer.latest.position).all()
     far.behind = 60_000_000_000
     far.send(far.command(1))
@@ -184,7 +190,7 @@ def test_the_last_word_of_a_service_is_a_stop(far, client):
     assert client.latest.cause is Cause.NOT_CONNECTED
 
 
-def test_robots_may_be_told_of_one_by_one(far, client):
+def test_states_of_robots_may_be_sent_one_by_one(far, client):
     heard: list[bytes] = []
     with far.hearing(Kind.STATE, heard.append):
         number = client.send_state(Q[2:], robots="right", stamp=1.0)

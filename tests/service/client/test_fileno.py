@@ -1,4 +1,4 @@
-"""A client among the things that a program of its own waits for."""
+"""A client among the files that a program of its own waits for."""
 
 import asyncio
 import os
@@ -10,7 +10,7 @@ from armguard.service.wire import Kind
 PATIENCE = 20.0
 
 
-def test_select_waits_for_a_client_together_with_other_things(far, client):
+def test_select_waits_for_a_client_together_with_other_files(far, client):
     read, write = os.pipe()
     try:
         assert client.receive() is None

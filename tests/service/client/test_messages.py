@@ -49,7 +49,7 @@ WRONG = {
     "a bye of another version": lambda far: again(far.message(Kind.BYE), 4, "<B", 9),
     "a bye of another length": lambda far: again(far.message(Kind.BYE), 6, "<H", 99),
     "a bye of another session": lambda far: again(far.message(Kind.BYE), 8, "<Q", 6),
-    "somebody's bye": lambda far: again(far.message(Kind.BYE), 24, "<Q", 3),
+    "the bye of another client": lambda far: again(far.message(Kind.BYE), 24, "<Q", 3),
     "an old bye": lambda far: again(far.message(Kind.BYE), 32, "<Q", 1),
     "a bye with another seal": lambda far: flipped(far.message(Kind.BYE), -1),
     "half a heartbeat": lambda far: far.outbox.message(Kind.HEARTBEAT, bytes(8)),
@@ -87,7 +87,7 @@ def test_an_answer_says_what_its_message_did_whatever_comes_after_it(far, client
     answer = client.receive(PATIENCE)
     # Nothing of it was looked at before the next ones came into the same room.
     for k in range(2, 12):
-        far.send(far.command(k, told=float(k), a=1))
+        far.send(far.command(k, offset=float(k), a=1))
         assert client.receive(PATIENCE).cycle == k
     assert answer.cycle == 1
     assert answer.began == (client.sender, 1)
@@ -114,7 +114,7 @@ def test_an_answer_says_what_its_message_did_whatever_comes_after_it(far, client
         answer.velocity = np.zeros(3)
 
 
-def test_an_answer_of_which_nothing_is_near_names_nobody(far, client):
+def test_an_answer_without_a_near_pair_names_no_body(far, client):
     far.send(far.command(1, a=0xFFFFFFFF, b=0xFFFFFFFF))
     assert client.receive(PATIENCE).nearest is None
 
@@ -124,9 +124,9 @@ def test_an_answer_is_as_old_as_its_own_clock_says(far, client):
     far.send(far.command(1))
     answer = client.receive(PATIENCE)
     assert 60.0 < answer.age < 120.0
-    told = client.latest
-    assert told.cause is Cause.NO_ANSWER
-    assert told.stops and not told.velocity.any()
+    newest = client.latest
+    assert newest.cause is Cause.NO_ANSWER
+    assert newest.stops and not newest.velocity.any()
 
 
 def test_a_service_of_which_everything_is_old_is_silent(far):

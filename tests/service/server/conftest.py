@@ -1,4 +1,4 @@
-"""Services as processes of their own, on a scene that bears a machine that is busy."""
+"""Services as processes of their own, on a scene that tolerates a busy machine."""
 
 import re
 import signal
@@ -43,7 +43,7 @@ class Served:
         self.ring = Path(found[2])
 
     def client(self, **settings: object) -> Client:
-        """A client that is connected, and bears as much as the service."""
+        """A client that is connected, as patient as the service."""
         settings.setdefault("watchdog", LATE)
         client = Client(port=self.port, **settings)
         client.connect(timeout=20.0)

@@ -12,18 +12,18 @@ from service_arms import Arms, until
 def test_of_two_commanders_the_first_one_has_the_command(served):
     with served.client() as client, served.client() as second:
         arms = Arms(client)
-        wish = np.full(14, 0.01)
-        arms.lead(wish)
+        desired = np.full(14, 0.01)
+        arms.lead(desired)
         with pytest.raises(RefusedError, match="has the command"):
             second.claim()
         assert not second.commands
         dropped = served.counters.value("dropped_not_commander")
         for _ in range(10):
-            second.send_velocities(-wish)
-            answer = arms.drive(wish, 1)
+            second.send_velocities(-desired)
+            answer = arms.drive(desired, 1)
             assert (answer.velocity >= 0.0).all()
         assert served.counters.value("dropped_not_commander") >= dropped + 9
-        arms.drive(0 * wish, 5)
+        arms.drive(0 * desired, 5)
 
 
 def test_the_command_can_be_taken_by_force_and_given_back(served):
@@ -33,13 +33,13 @@ def test_the_command_can_be_taken_by_force_and_given_back(served):
         second.claim(force=True)
         answer = arms.measure_until(lambda a: a.commander == second.sender)
         assert not client.commands
-        wish = np.full(14, 0.01)
+        desired = np.full(14, 0.01)
 
         def step() -> Answer:
-            second.send_velocities(wish)
+            second.send_velocities(desired)
             return arms.measure()
 
-        until(step, lambda a: bool((a.velocity == wish).all()))
+        until(step, lambda a: bool((a.velocity == desired).all()))
         second.give_back()
         answer = arms.measure_until(lambda a: a.commander == 0)
         assert answer.cause is Cause.NO_COMMANDER

@@ -14,13 +14,13 @@ from service_arms import wait_for
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 # Silence after which the program takes the service for dead [s]; machines that run
-# tests have other things to do.
+# tests have other work to do.
 WATCHDOG = 2.0
 
 compiler = shutil.which("cc") or shutil.which("gcc")
 pytestmark = pytest.mark.skipif(compiler is None, reason="there is no C compiler")
 
-# Digests of messages of many lengths, told in hex.
+# Digests of messages of many lengths, in hex.
 DIGESTS = """
 #include <stdio.h>
 #include <stdlib.h>
@@ -54,11 +54,11 @@ def test_its_seal_is_blake2s(tmp_path):
     sizes = (0, 1, 63, 64, 65, 127, 128, 129, 500, 8192)
     program = compiled(source, tmp_path / "digests")
     command = [str(program), *map(str, sizes)]
-    told = subprocess.run(
+    printed = subprocess.run(
         command, check=True, capture_output=True, text=True, timeout=60
     ).stdout.split()
     data = bytes((7 * k + 1) % 256 for k in range(max(sizes)))
-    for size, digest in zip(sizes, told, strict=True):
+    for size, digest in zip(sizes, printed, strict=True):
         found = hashlib.blake2s(data[:size], key=b"armguard", digest_size=16)
         assert digest == found.hexdigest(), size
 
@@ -84,7 +84,7 @@ def test_it_drives_the_arms(serving, tmp_path):
         assert served.counters.value("received") == 250 + 4
 
 
-def test_it_says_so_when_nobody_is_there(tmp_path):
+def test_it_says_so_when_no_service_is_there(tmp_path):
     program = compiled(EXAMPLES / "client.c", tmp_path / "client")
     done = subprocess.run(
         [str(program), "1"], capture_output=True, text=True, timeout=60, check=False
@@ -102,8 +102,8 @@ def test_it_stops_when_the_service_is_silent(serving, tmp_path):
         ) as running:
             wait_for(lambda: served.counters.value("wishes") > 50)
             served.process.send_signal(signal.SIGKILL)
-            told, said = running.communicate(timeout=60)
-    assert told.startswith("cycle ")
+            printed, said = running.communicate(timeout=60)
+    assert printed.startswith("cycle ")
     assert said == "the service is silent: stop\n"
     assert running.returncode == 1
 
@@ -131,10 +131,12 @@ def test_it_goes_on_by_itself_after_a_late_service(serving, tmp_path):
             served.process.send_signal(signal.SIGSTOP)
             time.sleep(1.0)
             served.process.send_signal(signal.SIGCONT)
-            told, said = running.communicate(timeout=120)
+            printed, said = running.communicate(timeout=120)
         assert running.returncode == 0, said
         assert sum(served.counters.stops().values()) > 0
     # A busy machine may delay any one cycle, so one line that goes on is enough; the
     # lines of the next 200 cycles may still be of the time before the pause.
-    later = [line for line in told.splitlines() if int(line.split()[1]) > before + 200]
+    later = [
+        line for line in printed.splitlines() if int(line.split()[1]) > before + 200
+    ]
     assert any(line.endswith("reason 0 cause 0 held 0 v 0.0500") for line in later)

@@ -34,13 +34,13 @@ def all_objects(client):
     """All that was placed, as far as it takes."""
     found, count = {}, 1
     while len(found) < count:
-        told = client.call("objects", first=len(found))
-        found |= told["objects"]
-        count = told["count"] if told["objects"] else 0
+        reply = client.call("objects", first=len(found))
+        found |= reply["objects"]
+        count = reply["count"] if reply["objects"] else 0
     return found
 
 
-def test_who_comes_late_is_told_where_things_were_put(served):
+def test_a_client_that_comes_late_gets_the_poses_of_all_objects(served):
     size = {"kind": "box", "size": [0.2, 0.4, 0.6]}
     with served.client(role=Role.SENSE) as sensor, served.client() as late:
         before = all_objects(late)
@@ -50,19 +50,19 @@ def test_who_comes_late_is_told_where_things_were_put(served):
         sensor.call("place", name=spare, pose=pose, shape=size)
         sensor.call("place", name=gone, pose=pose)
         sensor.call("remove", name=gone)
-        told = all_objects(late)
-        assert told[spare]["shape"] == {**size, "rounding": 0.0}
-        assert np.array(told[spare]["pose"]) == pytest.approx(pose.matrix())
-        assert told[gone] is None
-        assert set(told) == {*before, spare, gone}
+        reply = all_objects(late)
+        assert reply[spare]["shape"] == {**size, "rounding": 0.0}
+        assert np.array(reply[spare]["pose"]) == pytest.approx(pose.matrix())
+        assert reply[gone] is None
+        assert set(reply) == {*before, spare, gone}
         sensor.call("remove", name=spare)
 
 
 def test_other_settings_are_taken_over_while_everything_rests(served):
     with served.client(role=Role.ADMINISTER) as client, served.client() as other:
         arms = Arms(client)
-        wish = np.full(14, 0.02)
-        arms.lead(wish)
+        desired = np.full(14, 0.02)
+        arms.lead(desired)
         with pytest.raises(RefusedError, match="only while every robot rests"):
             client.call("configure", response="stop")
         arms.drive_until(STILL, lambda a: not a.velocity.any())
@@ -73,21 +73,21 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
             client.call("configure", mode="fixed")
         before = client.welcome.scene_hash
         cycle = client.call("ping")["cycle"]
-        told = client.call("configure", response={"left": "stop"}, mode="speed")
-        assert told["scene_hash"] != before
-        assert client.welcome.scene_hash == told["scene_hash"]
-        # Everybody else is told too, and the same ring goes on.
+        reply = client.call("configure", response={"left": "stop"}, mode="speed")
+        assert reply["scene_hash"] != before
+        assert client.welcome.scene_hash == reply["scene_hash"]
+        # All other clients are informed too, and the same ring goes on.
         until(other_hears(other), lambda _: other.welcome.scene_hash != before)
-        assert arms.lead(wish).cycle > cycle
+        assert arms.lead(desired).cycle > cycle
         notes = [
             frame.text
             for frame in map(frame_of, RingReader(served.ring).unread())
             if frame.kind is Kind.NOTE and frame.text.get("note") == "scene"
         ]
-        assert notes[-1]["scene_hash"] == told["scene_hash"]
+        assert notes[-1]["scene_hash"] == reply["scene_hash"]
         assert notes[-1]["settings"]["modes"] == {"left": "speed", "right": "speed"}
         assert notes[-1]["settings"]["responses"]["left"] == "stop"
-        # Who replays what follows has a place to begin.
+        # A replay of what follows has a place to begin.
         frames = [frame_of(row) for row in RingReader(served.ring).unread()]
         last_scene = max(
             k for k, frame in enumerate(frames) if frame.text.get("note") == "scene"
@@ -100,7 +100,7 @@ def test_other_settings_are_taken_over_while_everything_rests(served):
 
 
 def other_hears(other):
-    """One step in which somebody listens."""
+    """One step in which a client listens."""
     return lambda: other.receive(0.1) or other.latest
 
 
@@ -117,7 +117,7 @@ def test_a_call_that_is_repeated_is_done_once(served):
         client.call("engage")
 
 
-def test_a_stop_holds_until_somebody_engages(served):
+def test_a_stop_holds_until_a_client_engages(served):
     with served.client() as client:
         arms = Arms(client)
         arms.drive(STILL, 5)

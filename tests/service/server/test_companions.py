@@ -1,4 +1,4 @@
-"""Companions: the one nobody sees is started again when it ends, later each time."""
+"""Companions: one that ends in the background is started again, later each time."""
 
 import os
 import subprocess
@@ -57,7 +57,7 @@ def test_others_are_not(beside, now):
     assert beside.restart() == 0
 
 
-def test_a_recorder_is_told_who_started_it():
+def test_a_recorder_knows_the_process_that_started_it():
     assert companions.MODULES["record"][-2:] == ("--parent", "{pid}")
 
 

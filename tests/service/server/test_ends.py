@@ -1,4 +1,4 @@
-"""Processes that end, or are made to pause: who is left stops in time."""
+"""Processes that end, or are made to pause: those that are left stop in time."""
 
 import os
 import signal
@@ -86,14 +86,14 @@ def test_a_client_that_is_killed_leaves_robots_at_rest(served, patient_bay):
             lambda a: a.cycle >= 0 and not a.commander and a.stops,
         )
         assert (answer.velocity == 0.0).all()
-        # The next one begins where nobody commands.
+        # The next one begins without a commander.
         arms = Arms(observer)
         arms.lead(WISH)
         arms.drive(0 * WISH, 5)
 
 
 def moves(answer: Answer) -> bool:
-    """Whether robots are told to move."""
+    """Whether robots are commanded to move."""
     return bool(answer.velocity.any())
 
 
@@ -110,7 +110,7 @@ def test_a_client_that_pauses_believes_nothing_old(served):
         assert not client.commands
 
 
-def test_a_port_that_is_taken_is_told_in_words(served, patient_bay):
+def test_a_port_that_is_taken_is_named_in_words(served, patient_bay):
     done = subprocess.run(
         [
             sys.executable,
@@ -131,7 +131,7 @@ def test_a_port_that_is_taken_is_told_in_words(served, patient_bay):
     assert "Traceback" not in done.stderr
 
 
-def test_who_listens_wider_needs_a_key():
+def test_a_service_that_listens_wider_needs_a_key():
     with pytest.raises(ServiceError, match="needs keys they can be given"):
         ServiceSettings(bind="0.0.0.0")
     assert ServiceSettings(bind="0.0.0.0", keys=new_keys()).bind == "0.0.0.0"

@@ -33,7 +33,7 @@ def service(patient_bay) -> Iterator[Service]:
 
 
 def broken(*_: object, **__: object) -> None:
-    """What nobody thought of."""
+    """An error of no expected kind."""
     raise ZeroDivisionError("nobody thought of this")
 
 

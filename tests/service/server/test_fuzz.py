@@ -18,8 +18,8 @@ def test_nothing_that_is_wrong_moves_a_robot_or_ends_the_loop(served):
         home = arms.q.copy()
 
         def watch() -> None:
-            # States and answers may get lost where so many messages come in; what is
-            # told never moves anything.
+            # States and answers may get lost where so many messages come in; what
+            # is commanded never moves anything.
             answer = client.cycle(arms.q, still, still, timeout=0.1)
             assert not answer.velocity.any()
 
@@ -32,7 +32,7 @@ def test_nothing_that_is_wrong_moves_a_robot_or_ends_the_loop(served):
         assert after["cycle_faults"] == 0
         assert after["stop_orders"] == before["stop_orders"]
         own = client._connection.outbox.sequence
-        # Each state and wish that was taken was ours.
+        # Each state and each desired motion that was taken was ours.
         assert after["states"] - before["states"] <= own
         assert after["wishes"] - before["wishes"] <= own
         causes = {k for k in after if k.startswith("dropped") and after[k] > before[k]}

@@ -34,18 +34,18 @@ def test_what_was_carried_stays_where_it_was_put_when_settings_change(tmp_path):
     loop.push({"arm/z": -0.06}, 4000)
     before = judge.objects()
     judge.do(Release(robot="arm", name="block"))
-    told = judge.objects()["objects"]["block"]
+    reported = judge.objects()["objects"]["block"]
     assert "block" not in before["objects"]
-    assert told["pose"][0][3] == pytest.approx(0.3, abs=2e-3)
-    thing = judge.guard.guard.tables.holds.objects["block"]
-    stood = judge.guard.guard.tables.T_parent_joint[thing.body].copy()
+    assert reported["pose"][0][3] == pytest.approx(0.3, abs=2e-3)
+    item = judge.guard.guard.tables.holds.objects["block"]
+    stood = judge.guard.guard.tables.T_parent_joint[item.body].copy()
     judge.configure(response="slow")
-    after = judge.guard.guard.tables.T_parent_joint[thing.body]
+    after = judge.guard.guard.tables.T_parent_joint[item.body]
     assert after == pytest.approx(stood, abs=1e-12)
     ring.close()
 
 
-def test_objects_are_told_of_a_few_at_a_time(tmp_path):
+def test_objects_are_listed_a_few_at_a_time(tmp_path):
     scene = pick_scene()
     names = [f"box{k}" for k in range(OBJECTS + 3)]
     for name in names:

@@ -1,4 +1,4 @@
-"""Who may do what: keys and their roles, ages, objects, what a crash leaves behind."""
+"""Rights of clients: keys, their roles, ages, objects, what a crash leaves behind."""
 
 import os
 import signal
@@ -275,7 +275,7 @@ def removed(client: Client, name: str) -> bool:
 
 
 @pytest.mark.parametrize("delay", [0.15, 0.3, 2.0])
-def test_wishes_that_come_late_are_counted_and_not_obeyed(served, delay):
+def test_desired_motion_that_comes_late_is_counted_and_not_obeyed(served, delay):
     with served.client() as client:
         arms = Arms(client)
         arms.drive(STILL, 2)
@@ -344,7 +344,7 @@ def test_many_connections_come_and_go(served):
     assert served.counters.value("dropped_too_many_senders") == 0
 
 
-def test_observers_leave_room_for_those_who_command(serving):
+def test_observers_leave_room_for_commanders(serving):
     with serving() as own:
         crowd = [Client(own.port, role=Role.OBSERVE, every=0) for _ in range(60)]
         try:

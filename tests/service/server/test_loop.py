@@ -1,4 +1,4 @@
-"""States and wishes go in, commands come out, from the real process."""
+"""States and desired motion go in, commands come out, from the real process."""
 
 import time
 
@@ -13,11 +13,11 @@ from armguard.service.wire import Cause
 from service_arms import PERIOD, Arms, until, wait_for
 
 
-def test_the_first_command_is_what_was_wished_for(served):
+def test_the_first_command_is_the_desired_motion(served):
     with served.client() as client:
         arms = Arms(client)
-        wish = np.linspace(-0.03, 0.03, len(arms.q))
-        answer = arms.lead(wish)
+        desired = np.linspace(-0.03, 0.03, len(arms.q))
+        answer = arms.lead(desired)
         assert answer.action is Action.FOLLOW
         assert answer.level is Level.CLEAR
         assert answer.reason is Reason.OK
@@ -30,7 +30,7 @@ def test_the_first_command_is_what_was_wished_for(served):
         assert 0.0 < answer.inside < 1.0
         assert 0.0 <= answer.age < 1.0
         assert client.latest.cycle >= answer.cycle
-        arms.drive(0 * wish, 10)
+        arms.drive(0 * desired, 10)
 
 
 def test_the_ring_holds_the_scene_and_every_cycle(serving):
@@ -107,17 +107,17 @@ def test_each_robot_may_have_a_controller_of_its_own(serving):
         assert served.counters.value("dropped_second_controller") == before + 1
 
 
-def test_a_silent_commander_wishes_for_nothing(served):
+def test_a_silent_commander_desires_no_motion(served):
     with served.client() as controller, served.client() as commander:
         arms = Arms(controller)
         commander.claim()
-        wish = np.full(14, 0.02)
+        desired = np.full(14, 0.02)
 
         def step() -> Answer:
-            commander.send_velocities(wish)
+            commander.send_velocities(desired)
             return arms.measure()
 
-        until(step, lambda a: bool((a.velocity == wish).all()))
+        until(step, lambda a: bool((a.velocity == desired).all()))
         answer = arms.measure_until(lambda a: a.cause is Cause.WISH_OLD)
         assert "silent" in answer.sentence
         answer = arms.measure_until(lambda a: a.cause is Cause.NO_COMMANDER)
@@ -148,26 +148,26 @@ def test_a_silent_controller_is_a_stop_with_its_reason(served):
 
 
 @pytest.mark.parametrize("order", ["stop", "call"])
-def test_everybody_may_order_a_stop_and_only_the_commander_ends_it(served, order):
+def test_every_client_may_order_a_stop_and_only_the_commander_ends_it(served, order):
     with served.client() as client, served.client(name="somebody") as observer:
         arms = Arms(client)
-        wish = np.full(14, 0.02)
-        arms.lead(wish)
+        desired = np.full(14, 0.02)
+        arms.lead(desired)
         if order == "stop":
             observer.stop()
         else:
             observer.call("stop")
-        answer = arms.drive_until(wish, lambda a: a.cause is Cause.STOP_ORDERED)
+        answer = arms.drive_until(desired, lambda a: a.cause is Cause.STOP_ORDERED)
         assert answer.action is Action.STOP
-        answer = arms.drive(0 * wish, 60)
+        answer = arms.drive(0 * desired, 60)
         assert answer.cause is Cause.STOP_ORDERED
         assert (answer.velocity == 0.0).all()
         client.call("engage")
-        arms.lead(wish)
-        arms.drive(0 * wish, 10)
+        arms.lead(desired)
+        arms.drive(0 * desired, 10)
 
 
-def test_cycle_answers_with_a_stop_when_nobody_is_there():
+def test_cycle_answers_with_a_stop_when_no_service_is_there():
     client = Client(port=1)
     answer = client.latest
     assert answer.cause is Cause.NOT_CONNECTED

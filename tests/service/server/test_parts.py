@@ -125,7 +125,7 @@ def test_the_service_clock_is_known_to_half_the_quickest_round_trip():
     assert clock.offset == clock.bound == 0.0
 
 
-def test_a_log_that_nobody_reads_makes_nobody_wait(tmp_path):
+def test_a_log_that_no_process_reads_keeps_no_process_waiting(tmp_path):
     read, write = os.pipe()
     with os.fdopen(read, "rb"), os.fdopen(write, "w") as stream:
         handler = PatientHandler(stream)

@@ -40,19 +40,22 @@ WRONG: dict[str, tuple[str, Callable[[Forger], bytes]]] = {
     "too many joints": ("joints", lambda f: bytes(f.state(joints=15))),
     "no velocities": ("joints", lambda f: bytes(f.state(flags=1))),
     "half a state": ("payload", lambda f: bytes(f.outbox.message(Kind.STATE, b"1234"))),
-    "half a wish": ("payload", lambda f: bytes(f.outbox.message(Kind.WISH, b"1234"))),
-    "a wish of 13": ("joints", lambda f: bytes(f.wish(np.zeros(13)))),
-    "a wish of no form": ("payload", lambda f: bytes(f.wish(np.zeros(14), 9))),
-    "twists of no tool": ("joints", lambda f: bytes(f.wish(np.full(7, 99.0), 3))),
-    "a tool and a half": ("joints", lambda f: bytes(f.wish(np.full(7, 0.5), 3))),
-    "a wish of NaN": ("wish_not_finite", lambda f: bytes(f.wish(np.full(14, np.nan)))),
-    "an infinite wish": (
+    "half a WISH": ("payload", lambda f: bytes(f.outbox.message(Kind.WISH, b"1234"))),
+    "a WISH of 13": ("joints", lambda f: bytes(f.desired(np.zeros(13)))),
+    "a WISH of no form": ("payload", lambda f: bytes(f.desired(np.zeros(14), 9))),
+    "twists of no tool": ("joints", lambda f: bytes(f.desired(np.full(7, 99.0), 3))),
+    "a tool and a half": ("joints", lambda f: bytes(f.desired(np.full(7, 0.5), 3))),
+    "a WISH of NaN": (
         "wish_not_finite",
-        lambda f: bytes(f.wish(np.r_[np.zeros(13), np.inf])),
+        lambda f: bytes(f.desired(np.full(14, np.nan))),
+    ),
+    "an infinite WISH": (
+        "wish_not_finite",
+        lambda f: bytes(f.desired(np.r_[np.zeros(13), np.inf])),
     ),
     "an infinite twist": (
         "wish_not_finite",
-        lambda f: bytes(f.wish(np.r_[0, np.zeros(5), -np.inf], 3)),
+        lambda f: bytes(f.desired(np.r_[0, np.zeros(5), -np.inf], 3)),
     ),
     "a call of garbage": (
         "call_unreadable",
@@ -108,7 +111,7 @@ def test_a_message_from_another_address_is_dropped(served):
         wait_for(lambda: counters.value("dropped_address") == before + 1)
 
 
-def test_a_wish_of_nan_ends_the_wish_before_it(served):
+def test_desired_motion_of_nan_ends_the_motion_desired_before_it(served):
     with served.client() as client:
         arms = Arms(client)
         client.claim()

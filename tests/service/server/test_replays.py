@@ -45,8 +45,8 @@ def talk(port, over, cycles):
             if k == cycles // 2:
                 client.stop()
             try:
-                wish = 0.02 * np.sin(0.1 * k) * np.ones_like(q)
-                answer = client.cycle(q, wish, 0.0 * q, timeout=0.5)
+                desired = 0.02 * np.sin(0.1 * k) * np.ones_like(q)
+                answer = client.cycle(q, desired, 0.0 * q, timeout=0.5)
                 q = q + 0.004 * answer.velocity
             except NoServiceError:
                 break

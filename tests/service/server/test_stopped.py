@@ -27,18 +27,18 @@ CHANGES = (
     ("stamp=stamp)", "stamp=stamp, timeout=5.0)"),
 )
 
-# How long the service is held up: longer than it bears [s].
+# How long the service is held up: longer than it tolerates [s].
 PAUSE = 1.0
 
 
 def test_what_a_guard_stopped_goes_on_when_it_is_released(served):
     with served.client() as client:
         arms = Arms(client)
-        wish = np.full(14, 0.02)
-        arms.lead(wish)
+        desired = np.full(14, 0.02)
+        arms.lead(desired)
         # The controller is silent for longer than states may be old.
         time.sleep(0.6)
-        answer = arms.drive_until(wish, lambda a: len(a.held) == 2)
+        answer = arms.drive_until(desired, lambda a: len(a.held) == 2)
         assert {h.reason for h in answer.held.values()} == {Reason.STATE_STALE}
         assert answer.action is Action.HOLD
         assert answer.stops
@@ -50,21 +50,21 @@ def test_what_a_guard_stopped_goes_on_when_it_is_released(served):
         said = repr(answer)
         assert "action=HOLD" in said
         assert "held=['left', 'right']" in said
-        told = client.call("why")
-        assert told["why"].startswith("HELD left since ")
-        assert told["waits"]["left"]["reason"] == "STATE_STALE"
-        assert not arms.drive_until(0 * wish, lambda a: not a.held).stops
-        arms.lead(wish)
-        arms.drive(0 * wish, 10)
+        printed = client.call("why")
+        assert printed["why"].startswith("HELD left since ")
+        assert printed["waits"]["left"]["reason"] == "STATE_STALE"
+        assert not arms.drive_until(0 * desired, lambda a: not a.held).stops
+        arms.lead(desired)
+        arms.drive(0 * desired, 10)
 
 
 def test_only_engage_ends_a_stop_that_was_ordered(served):
     with served.client() as client, served.client(name="somebody") as observer:
         arms = Arms(client)
-        wish = np.full(14, 0.02)
-        arms.lead(wish)
+        desired = np.full(14, 0.02)
+        arms.lead(desired)
         observer.stop()
-        answer = arms.drive_until(wish, lambda a: len(a.held) == 2)
+        answer = arms.drive_until(desired, lambda a: len(a.held) == 2)
         assert answer.cause is Cause.STOP_ORDERED
         assert answer.action is Action.HOLD
         assert answer.level >= Level.STOP
@@ -76,7 +76,7 @@ def test_only_engage_ends_a_stop_that_was_ordered(served):
         with suppress(RefusedError):
             client.call("retreat")
         client.call("reset")
-        for some in (0 * wish, -wish, wish):
+        for some in (0 * desired, -desired, desired):
             answer = arms.drive(some, 20)
             assert answer.cause is Cause.STOP_ORDERED
             assert not answer.velocity.any()
@@ -84,34 +84,34 @@ def test_only_engage_ends_a_stop_that_was_ordered(served):
             observer.call("engage")
         # One is engaged: the order is over, and the other one waits for its own.
         client.call("engage", name="left")
-        answer = arms.drive_until(0 * wish, lambda a: "left" not in a.held)
+        answer = arms.drive_until(0 * desired, lambda a: "left" not in a.held)
         assert answer.cause is Cause.NONE
-        answer = arms.drive(wish, 20)
+        answer = arms.drive(desired, 20)
         assert answer.velocity[:7].any()
         assert not answer.velocity[7:].any()
         assert answer.held["right"].until_engaged
         client.call("engage")
-        arms.lead(wish)
-        arms.drive(0 * wish, 10)
+        arms.lead(desired)
+        arms.drive(0 * desired, 10)
 
 
 def test_other_settings_do_not_lift_a_stop(served):
     with served.client(role=Role.ADMINISTER) as client:
         arms = Arms(client)
-        wish = np.full(14, 0.02)
-        arms.drive(0 * wish, 5)
+        desired = np.full(14, 0.02)
+        arms.drive(0 * desired, 5)
         client.stop()
-        arms.drive_until(0 * wish, lambda a: len(a.held) == 2)
+        arms.drive_until(0 * desired, lambda a: len(a.held) == 2)
         client.call("engage", name="left")
-        arms.drive_until(0 * wish, lambda a: "left" not in a.held)
+        arms.drive_until(0 * desired, lambda a: "left" not in a.held)
         before = client.call("ping")["cycle"]
         client.call("configure", response="stop")
-        answer = arms.drive_until(wish, lambda a: a.cycle > before + 50)
+        answer = arms.drive_until(desired, lambda a: a.cycle > before + 50)
         assert answer.stopped_by["right"] is Reason.STOP_ORDERED
         assert answer.held["right"].until_engaged
         assert not answer.velocity[7:].any()
         client.call("engage")
-        arms.drive(0 * wish, 10)
+        arms.drive(0 * desired, 10)
         client.call("configure", response="deflect")
 
 
@@ -121,10 +121,10 @@ def held_up(served, running):
     served.process.send_signal(signal.SIGSTOP)
     time.sleep(PAUSE)
     served.process.send_signal(signal.SIGCONT)
-    told, said = running.communicate(timeout=120)
+    printed, said = running.communicate(timeout=120)
     assert running.returncode == 0, said
     assert sum(served.counters.stops().values()) > 0
-    return told
+    return printed
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -149,14 +149,14 @@ def test_the_python_loop_recovers_by_itself(serving, page):
 def test_the_log_has_a_stop_once_when_it_begins_and_once_when_it_is_over(serving):
     with serving() as service, service.client() as client:
         arms = Arms(client)
-        wish = np.full(14, 0.02)
-        arms.lead(wish)
+        desired = np.full(14, 0.02)
+        arms.lead(desired)
         client.stop()
-        arms.drive_until(wish, lambda a: len(a.held) == 2)
-        arms.drive(wish, 100)
+        arms.drive_until(desired, lambda a: len(a.held) == 2)
+        arms.drive(desired, 100)
         client.call("engage")
-        arms.drive_until(0 * wish, lambda a: not a.held)
-        arms.drive(0 * wish, 200)
+        arms.drive_until(0 * desired, lambda a: not a.held)
+        arms.drive(0 * desired, 200)
         time.sleep(0.1)
         said = service.end().splitlines()
     began = [line for line in said if line.startswith("WARNING STOP: ")]
