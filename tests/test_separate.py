@@ -174,7 +174,7 @@ def test_every_separate_kernel_can_be_reached_from_one_that_python_calls():
     assert {"measure_at", "rebuild_world", "prove_pair", "read_intents"} <= names
 
 
-def test_a_kernel_in_a_tuple_is_reached():
+def test_the_kernel_of_a_response_is_reached():
     from armguard.respond.responses import change_target, slow_down
 
     assert slow_down in separate.kernels_from(change_target)

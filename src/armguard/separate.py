@@ -13,7 +13,6 @@ import os
 from collections.abc import Callable
 from functools import update_wrapper
 from inspect import getclosurevars
-from itertools import chain
 from typing import Any, get_type_hints
 
 from llvmlite import binding, ir  # type: ignore[import-untyped]
@@ -168,16 +167,13 @@ def link_missing(kernel: Any) -> None:
 def kernels_from(kernel: Any) -> list[Any]:
     """A kernel and all that it may call, nearest first; none where all is interpreted.
 
-    What a kernel calls is a name of its module, or of the function that made it, or
-    in a tuple with such a name.
+    What a kernel calls is a name of its module, or of the function that made it.
     """
     reached: dict[int, Any] = {id(kernel): kernel}
     waiting = [kernel] if isinstance(kernel, Dispatcher | SeparateKernel) else []
     for one in waiting:
         names = getclosurevars(one.py_func)
-        named = (*names.globals.values(), *names.nonlocals.values())
-        tuples = (value for value in named if isinstance(value, tuple))
-        for value in (*named, *chain.from_iterable(tuples)):
+        for value in (*names.globals.values(), *names.nonlocals.values()):
             known = id(value) in reached
             if not known and isinstance(value, Dispatcher | SeparateKernel):
                 reached[id(value)] = value

@@ -46,7 +46,14 @@ def write(lines):
 @numba.njit
 def own(block, i, lines):
     w = open_workspace(lines)
-    return own_bound(block, i, w.bodies[i], w.motion)
+    return own_bound(block, i, w.bodies[i], w.motion)[0]
+
+
+@numba.njit
+def ranged(block, i, lines):
+    w = open_workspace(lines)
+    _, way, more = own_bound(block, i, w.bodies[i], w.motion)
+    return [(way[k] - more[k], way[k] + more[k]) for k in range(3)]
 
 
 @numba.njit
@@ -151,6 +158,27 @@ def test_no_tip_of_a_chain_gets_farther(kinds):
     assert nearest > 0.95
 
 
+@pytest.mark.parametrize("kinds", CHAINS)
+def test_no_tip_of_a_chain_gets_beyond_its_range_along_an_axis(kinds):
+    rng, ranges, n = np.random.default_rng(11), chain_of(kinds), len(kinds)
+    start, nearest = place(kinds, np.zeros(n)), 0.0
+    for k in range(300):
+        size = 10.0 ** rng.uniform(-3.0, -0.3)
+        middle, width = size * rng.uniform(-1, 1, n), size * rng.uniform(0, 0.3, n)
+        width *= k % 2
+        ranges.set(middle, width)
+        ends = middle + width * np.array(list(product((-1.0, 1.0), repeat=n)))
+        ways = place(kinds, ends) - start, (place(kinds, 1e-7 * ends) - start) / 1e-7
+        for block, way in zip((TRAVEL, SPEED), ways, strict=True):
+            for axis in range(2):
+                least, most = ranged(block, 0, ranges.lines)[axis]
+                assert way[:, axis].min() >= least - 1e-6 * (block == SPEED)
+                assert way[:, axis].max() <= most + 1e-6 * (block == SPEED)
+                if way[:, axis].max() > 0.0:
+                    nearest = max(nearest, way[:, axis].max() / most)
+    assert nearest > 0.9
+
+
 def test_terms_of_second_order_are_counted():
     """Two joints turn against one another: to first order the tip stays."""
     kinds = ("turn", "turn")
@@ -178,6 +206,26 @@ def test_a_joint_that_slides_on_one_that_turns_is_counted():
 @pytest.fixture(scope="module")
 def pandas():
     return Ranges(two_pandas_scene())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_points_of_two_pandas_stay_in_their_ranges_along_the_axes(pandas, seed):
+    rng, tables = np.random.default_rng(seed), pandas.tables
+    n, moving = len(tables.home), tables.moving_count
+    nearest = 0.0
+    for _ in range(60):
+        i = rng.choice(np.flatnonzero(tables.robot_of_primitive[:moving] >= 0))
+        size = 10.0 ** rng.uniform(-2.0, -0.3)
+        middle, width = size * rng.uniform(-1, 1, n), size * rng.uniform(0, 0.5, n)
+        pandas.set(middle, width)
+        bounds = np.array(ranged(TRAVEL, i, pandas.lines))
+        points = pandas.surface(i, rng)
+        for _ in range(10):
+            delta = middle + width * rng.uniform(-1, 1, n)
+            way = pandas.moved(i, points, delta) - points
+            assert (way >= bounds[:, 0]).all() and (way <= bounds[:, 1]).all()
+            nearest = max(nearest, (way / bounds[:, 1]).max())
+    assert nearest > 0.8
 
 
 @pytest.mark.parametrize("seed", range(3))

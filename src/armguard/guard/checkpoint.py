@@ -39,8 +39,8 @@ LEFT_OUT: dict[str, frozenset[str]] = {
     "watch": frozenset(
         (
             "timing static_error top_speed robot_of movers pairs pair_need look ahead "
-            "tight row tool_body tool_point judged_pairs judged_left judged_count "
-            "judged_stops judged_clock judged_settled grown object_stale"
+            "tight swept row tool_body tool_point judged_pairs judged_left "
+            "judged_count judged_stops judged_clock judged_settled grown object_stale"
         ).split()
     ),
     "grips": frozenset("swap fingers members velocity".split()),

@@ -108,6 +108,7 @@ def pairs_at_rest(tables: SceneTables) -> dict[str, Any]:
         "look": np.zeros(len(tables.kinds)),
         "ahead": np.zeros(m),
         "tight": np.zeros(m, dtype=np.int64),
+        "swept": np.zeros((m, 6)),
         "grown": np.zeros(m),
         "judged_pairs": np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
         "judged_left": np.zeros(JUDGED_ROOM),

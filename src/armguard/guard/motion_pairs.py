@@ -1,7 +1,5 @@
 """The pairs of a cycle with predicted stops: search, measurement and proof."""
 
-from math import inf
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,23 +7,19 @@ from armguard.guard.change import NO_ROW, begin_notes, note_pair
 from armguard.guard.demands import judge_motion
 from armguard.guard.layout import NearRow, normal_of
 from armguard.guard.near_pairs import (
-    boxes_apart,
     decide,
     is_idle,
     keep_owned,
     measures_row,
     open_row,
 )
-from armguard.guard.needs import (
-    LOOK_AHEAD,
-)
+from armguard.guard.needs import LOOK_AHEAD, static_need
 from armguard.guard.refine import refine_pair
 from armguard.guard.search_distance import (
-    closer_look,
     hidden_by_error,
-    lever_look,
     pair_look,
     way_of_object,
+    way_until_look,
     widest_look,
     write_looks,
 )
@@ -85,30 +79,18 @@ def go_through_pairs(w: Workspace) -> int:
         Count of rows of the answer.
     """
     v, m = w.watch, w.motion
-    boxes, margin = w.world.boxes, w.settings.margin
-    moving_count = w.settings.moving_count
+    boxes, moving_count = w.world.boxes, w.settings.moving_count
     write_looks(w, v, m)
     for j in range(moving_count, v.look.shape[0]):
         v.look[j] = way_of_object(j, v, m)
     count = filtered = 0
-    contracts = w.settings.contracts != 0
     for k in range(v.pairs.shape[0]):
         i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
-        need, look = v.pair_need[k], v.look[i] + v.look[j]
+        need = v.pair_need[k]
         if j >= moving_count:
-            need, look = need + v.look[j], v.look[i]
-        look += need
-        if contracts and w.grips.may[w.groups[i], w.groups[j]] != 0:
-            look = need + lever_look(i, v, m)
-            look += lever_look(j, v, m) if j < moving_count else 0.0
-            need = inf
-        elif boxes_apart(boxes, i, j, max(margin, look)):
-            filtered += 1
-            continue
-        else:
-            look = closer_look(i, j, need, look, w)
-        look = max(margin, look)
-        if farther(boxes, i, j, look):
+            need += v.look[j]
+        need, look = pair_look(i, j, need, w)
+        if look < 0.0 or farther(boxes, i, j, look):
             filtered += 1
         elif (
             w.octree.residency[j].status != ABSENT
@@ -142,9 +124,11 @@ def look_for_pairs(w: Workspace) -> int:
         sort_ids(candidates, wanted)
         for c in range(wanted):
             j = candidates[c]
-            need, look = pair_look(i, j, w, v, m)
-            look = max(w.settings.margin, look)
-            if farther(boxes, i, j, look):
+            need = static_need(i, j, w, v, m)
+            if j >= w.settings.moving_count:
+                need += way_until_look(j, v, m)
+            need, look = pair_look(i, j, need, w)
+            if look < 0.0 or farther(boxes, i, j, look):
                 w.header.pairs_filtered += 1.0
             else:
                 count = judge_pair(i, j, need, look, count, w)

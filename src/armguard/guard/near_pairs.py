@@ -28,6 +28,7 @@ from armguard.motion.pair_state import (
     UNSURE,
 )
 from armguard.record import Records, copy
+from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -284,14 +285,23 @@ def take_kept(
 
 @kernel
 def boxes_apart(boxes: Floats, i: int, j: int, margin: float) -> bool:
-    """Whether two bounding boxes are farther apart than the margin on some axis.
+    """Whether two bounding boxes are farther apart than the margin on some axis."""
+    return bool(apart(boxes[i], boxes[j], margin))
+
+
+@kernel
+def apart(a: Vector, b: Vector, distance: float) -> bool:
+    """Whether two boxes are farther apart than a distance on some axis.
 
     A NaN compares false, so that the pair is measured and the NaN is seen.
+
+    Args:
+        a: Least and greatest coordinates of one box, shape (6,) [m].
+        b: Those of the other, of that shape.
+        distance: The distance [m].
     """
     for k in range(3):
-        if boxes[i, k] - boxes[j, k + 3] > margin:
-            return True
-        if boxes[j, k] - boxes[i, k + 3] > margin:
+        if a[k] - b[k + 3] > distance or b[k] - a[k + 3] > distance:
             return True
     return False
 

@@ -1,13 +1,13 @@
 """Search distances: how near the other side of a pair must be to matter."""
 
-from math import inf
+import numpy as np
 
+from armguard.guard.near_pairs import apart
 from armguard.guard.needs import (
     LOOK_AHEAD,
     look_distance,
     object_speed,
     robot_of,
-    static_need,
     time_since,
 )
 from armguard.guard.proofs import coarse
@@ -54,24 +54,38 @@ def hidden(i: int, v: Watch, m: Motion) -> float:
 
 @kernel
 def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
-    """Write the search distance of each moving primitive.
+    """Write the search distance and the swept box of each moving primitive.
 
-    Where commands go through the guard, it covers new commands of this cycle as well.
+    Where commands go through the guard, they cover new commands of this cycle as well.
     """
+    boxes, half = w.world.boxes, 0.5 * w.settings.margin
     if m.span.segment == 0:
-        bound_twists(w.world.boxes, w.bodies, m)
+        bound_twists(boxes, w.bodies, m)
     time = LOOK_AHEAD * v.timing.slow_time
     for i in range(w.settings.moving_count):
         v.tight[i] = follows_twists(i, v, m)
         if v.tight[i] == 0:
             v.ahead[i] = new_commands(v) + time * m.rate[i]
             v.look[i] = lever_look(i, v, m)
+            way = max(v.look[i], half)
+            for k in range(3):
+                v.swept[i, k] = boxes[i, k] - way
+                v.swept[i, k + 3] = boxes[i, k + 3] + way
             continue
         v.ahead[i] = new_commands(v) * (1.0 + AHEAD_TIME / LOOK_MORE * m.rate[i])
         body = w.bodies[i]
-        travel = min(m.reach[NEXT, i], own_bound(TRAVEL, i, body, m))
-        speed = min(m.rate[i], own_bound(SPEED, i, body, m))
-        v.look[i] = travel + max(time * speed, hidden(i, v, m)) + v.ahead[i]
+        travel, way, more = own_bound(TRAVEL, i, body, m)
+        speed, rate, faster = own_bound(SPEED, i, body, m)
+        travel, speed = min(m.reach[NEXT, i], travel), min(m.rate[i], speed)
+        error = hidden(i, v, m)
+        v.look[i] = travel + max(time * speed, error) + v.ahead[i]
+        for k in range(3):
+            back = more[k] - way[k] + max(time * (faster[k] - rate[k]), error)
+            back = min(max(back, 0.0) + v.ahead[i], v.look[i])
+            v.swept[i, k] = boxes[i, k] - max(back, half)
+            forth = more[k] + way[k] + max(time * (faster[k] + rate[k]), error)
+            forth = min(max(forth, 0.0) + v.ahead[i], v.look[i])
+            v.swept[i, k + 3] = boxes[i, k + 3] + max(forth, half)
 
 
 @kernel
@@ -126,22 +140,40 @@ def closer_look(i: int, j: int, need: float, look: float, w: Workspace) -> float
 
 
 @kernel
-def pair_look(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> tuple[float, float]:
-    """Static need of a pair, and the distance beyond which it cannot matter [m].
+def pair_look(i: int, j: int, need: float, w: Workspace) -> tuple[float, float]:
+    """Need of a pair, and the distance beyond which the pair cannot matter [m].
 
-    The need is inf where the pair has to be proven in full.
+    Args:
+        i: Lower primitive.
+        j: Higher primitive.
+        need: Static need of the pair and the travel of an object [m].
+        w: The workspace.
+
+    Returns:
+        The need, inf where the pair has to be proven in full; the distance, negative
+        if swept boxes show already that the pair cannot matter.
     """
-    need = static_need(i, j, w, v, m)
-    moving = w.settings.moving_count
-    if j >= moving and m.span.segment == 0:
-        need += object_speed(j, v) * time_ahead(v, m)
+    v, m, margin = w.watch, w.motion, w.settings.margin
+    moves = j < w.settings.moving_count
     if w.settings.contracts != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
         look = need + lever_look(i, v, m)
-        return (inf, look + lever_look(j, v, m) if j < moving else look)
-    look = need + v.look[i]
-    if j >= moving:
-        return (need, look)
-    return (need, closer_look(i, j, need, look + v.look[j], w))
+        look += lever_look(j, v, m) if moves else 0.0
+        return (np.inf, max(margin, look))
+    if moves:
+        if apart(v.swept[i], v.swept[j], need):
+            return (need, -1.0)
+        look = closer_look(i, j, need, need + v.look[i] + v.look[j], w)
+    else:
+        if apart(v.swept[i], w.world.boxes[j], need + 0.5 * margin):
+            return (need, -1.0)
+        look = need + v.look[i]
+    return (need, max(margin, look))
+
+
+@kernel
+def way_until_look(j: int, v: Watch, m: Motion) -> float:
+    """Greatest displacement of an object until the look-ahead [m]."""
+    return 0.0 if m.span.segment != 0 else float(object_speed(j, v) * time_ahead(v, m))
 
 
 @kernel
@@ -166,7 +198,7 @@ def widest_look(w: Workspace, v: Watch, m: Motion) -> float:
     for i in range(w.settings.moving_count):
         farthest = max(farthest, v.look[i])
     fastest = 0.0
-    seen = inf
+    seen = np.inf
     for k in range(v.movers.shape[0]):
         j = v.movers[k]
         fastest = max(fastest, v.top_speed[j])

@@ -201,6 +201,8 @@ class Watch(NamedTuple):
         look: Scratch for the search distance of each primitive, shape (p,) [m].
         ahead: Scratch for the part of it that covers new commands, shape (m,) [m].
         tight: Scratch, 1 where it follows from twists and not from levers, (m,).
+        swept: Scratch for the swept box of each moving primitive: where a stop may
+            carry it, with half of the margin or more around it, shape (m, 6) [m].
         wanted: Desired velocities of this cycle, and then the sent ones, shape (n,).
         sent: Ring of sent commands, shape (c, n).
         sent_at: Time of each sent command, shape (c,) [s].
@@ -290,6 +292,7 @@ class Watch(NamedTuple):
     look: Vector
     ahead: Vector
     tight: LongVector
+    swept: Matrix
     wanted: Vector
     sent: Matrix
     sent_at: Vector

@@ -266,17 +266,28 @@ def write_loose(i: int, body: int, m: Motion) -> None:
 
 
 @kernel
-def own_bound(block: int, i: int, body: int, m: Motion) -> float:
-    """Bound of the displacement or speed of a primitive's points [m or m/s].
+def own_bound(block: int, i: int, body: int, m: Motion) -> tuple[float, Vec3, Vec3]:
+    """Bounds of the displacement or speed of a primitive's points [m or m/s].
 
     Args:
         block: TRAVEL or SPEED.
         i: The primitive.
         body: Its body.
         m: The prediction.
+
+    Returns:
+        The greatest size; the motion of the centre of its ball, and how far that of any
+        of its points may differ, along each axis of the world.
     """
     turn, shift = twist_at(block, i, body, m)
-    return float(norm(shift) + m.balls[i].radius * norm(turn) + m.loose[block, i])
+    radius, loose = m.balls[i].radius, m.loose[block, i]
+    x, y, z = turn[0] * turn[0], turn[1] * turn[1], turn[2] * turn[2]
+    more = (
+        radius * sqrt(y + z) + loose,
+        radius * sqrt(z + x) + loose,
+        radius * sqrt(x + y) + loose,
+    )
+    return (norm(shift) + radius * sqrt(x + y + z) + loose, shift, more)
 
 
 @kernel

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from numba import literal_unroll
-
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.record import records
@@ -13,6 +11,10 @@ from armguard.respond.program import breaks_rows, scale_back
 from armguard.respond.state import Behaviour, Response
 from armguard.scene.settings import CHOICES, ResponseName
 from armguard.scene.tables import SceneTables
+
+# Changes the target of a robot, given with responses and workspace; returns whether the
+# robot's quadratic program is to be solved.
+Change = Callable[[int, Response, Workspace], bool]
 
 
 @kernel
@@ -46,9 +48,7 @@ class ResponseKind(NamedTuple):
 
     Attributes:
         words: What the robot does, in words.
-        change: Kernel that changes the target of a robot that violates its rows. It
-            takes robot, responses and workspace, and returns whether the robot's
-            quadratic program is to be solved.
+        change: Kernel that changes the target of a robot that violates its rows.
         stops: Whether an unproven request ends in a stop, not in a slower motion.
         scales: Whether it keeps its path at a lower speed.
         solves: Whether a quadratic program finds the nearest velocity that satisfies
@@ -56,7 +56,7 @@ class ResponseKind(NamedTuple):
     """
 
     words: str
-    change: Callable[[int, Response, Workspace], bool]
+    change: Change
     stops: bool = False
     scales: bool = False
     solves: bool = False
@@ -78,7 +78,24 @@ RESPONSES: Mapping[ResponseName, ResponseKind] = {
     ),
 }
 
-CHANGES = tuple(row.change for row in RESPONSES.values())
+
+def change_from(kind: int) -> Change:
+    """Kernel that calls that of a robot's response, if it is in this row or below."""
+    if kind == len(RESPONSES):
+        return go_on
+    change: Change = list(RESPONSES.values())[kind].change
+    others = change_from(kind + 1)
+
+    @kernel
+    def choose(r: int, a: Response, w: Workspace) -> bool:
+        if a.settings[r].kind == kind:
+            return change(r, a, w)
+        return others(r, a, w)
+
+    return choose
+
+
+change_first = change_from(0)
 
 
 @kernel
@@ -88,12 +105,7 @@ def change_target(r: int, a: Response, w: Workspace) -> bool:
     Returns:
         Whether its quadratic program is to be solved.
     """
-    kind, solves = 0, False
-    for change in literal_unroll(CHANGES):
-        if kind == a.settings[r].kind:
-            solves = change(r, a, w)
-        kind += 1
-    return solves
+    return change_first(r, a, w)
 
 
 def behaviours(tables: SceneTables) -> Any:
