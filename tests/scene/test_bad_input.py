@@ -159,3 +159,10 @@ def test_a_scene_file_writes_each_line_of_the_log_once(tmp_path, caplog):
         load_scene(path)
         (line,) = caplog.messages
         assert line.startswith("robot 'a': base: 400 m look like millimetres")
+
+
+def test_a_robot_in_place_of_a_scene_is_answered_by_how_to_write_one(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    with pytest.raises(SceneFileError, match=f"robot: armguard init {path}"):
+        load_scene(path)

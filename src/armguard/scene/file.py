@@ -38,6 +38,9 @@ from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
 
 log = logging.getLogger("armguard")
 
+# Suffixes of files that describe a robot, not a scene.
+ROBOT_FILES = (".urdf", ".xacro", ".xml")
+
 # Problems of one file that are reported; each takes a search for its line.
 MOST_PROBLEMS = 20
 
@@ -72,7 +75,9 @@ def validated(source: YamlSource) -> SceneModel:
         SceneFileError: They do not follow it.
     """
     if not isinstance(source.values, dict):
-        raise source.problem((), "must be a mapping with the key 'robots'")
+        robot = source.path.suffix.lower() in ROBOT_FILES
+        hint = f"; for a scene of this robot: armguard init {source.path}" * robot
+        raise source.problem((), f"must be a mapping with the key 'robots'{hint}")
     try:
         model = SceneModel.model_validate(source.values)
         return model
