@@ -284,9 +284,11 @@ def moving_inward(stage: Stage) -> Iterator[None]:
 
     commander = threading.Thread(target=command)
     commander.start()
-    yield
-    ended.set()
-    commander.join()
+    try:
+        yield
+    finally:
+        ended.set()
+        commander.join()
 
 
 def inward(joint: str) -> float:
