@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
@@ -64,7 +65,11 @@ class Pictures:
         )
 
     def keep(
-        self, name: str, ready: Callable[[], bool] = lambda: True, whole: bool = False
+        self,
+        name: str,
+        ready: Callable[[], bool] = lambda: True,
+        whole: bool = False,
+        first: Callable[[], None] = lambda: None,
     ) -> None:
         """Keep a picture of each size, each once the page is ready.
 
@@ -72,6 +77,7 @@ class Pictures:
             name: Begin of the files' names.
             ready: Whether the page is ready.
             whole: Whether to keep all of the page, not only what the screen shows.
+            first: Brings the page into its state; another size shows the first tab.
         """
         if not self.wanted(name):
             return
@@ -79,6 +85,7 @@ class Pictures:
             self.page.set_viewport_size({"width": width, "height": height})
             # Viser and the header fit themselves to the size, the plot last.
             self.page.wait_for_timeout(3000)
+            first()
             until(ready, self.page)
             path = self._folder / f"{name}-{size}.png"
             self.page.screenshot(path=path, full_page=whole, timeout=PATIENCE * 1e3)
@@ -133,11 +140,8 @@ def keep_live(pictures: Pictures) -> None:
                 # The first click asks whether to take the command from its holder.
                 for _ in range(2):
                     page.locator("#drive").click(force=True)
-                press(page, "tab", "Drive", "Give it back")
-                pictures.keep("drive")
-            press(page, "tab", "Edit", "Write to the scene file")
-            press(page, "button", "Write to the scene file", "Not done")
-            pictures.keep("edit")
+                pictures.keep("drive", first=partial(show_drive, page))
+            pictures.keep("edit", first=partial(refuse_edit, page))
             os.kill(view.pid, signal.SIGSTOP)
             pictures.keep("silent", lambda: page.locator(":root.grey").count() > 0)
             os.kill(view.pid, signal.SIGCONT)
@@ -235,6 +239,18 @@ def press(page: Page, role: str, name: str, then: str) -> None:
     page.get_by_text(then).last.wait_for()
 
 
+def show_drive(page: Page) -> None:
+    """Show how the arms are driven, once the page has the command."""
+    press(page, "tab", "Drive", "Give it back")
+
+
+def refuse_edit(page: Page) -> None:
+    """Try an edit that is refused."""
+    press(page, "tab", "Edit", "Write to the scene file")
+    press(page, "button", "Write to the scene file", "Not done")
+    page.wait_for_timeout(2000)
+
+
 @contextmanager
 def shown(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A view as a separate process, and its link."""
@@ -268,9 +284,11 @@ def moving_inward(stage: Stage) -> Iterator[None]:
 
     commander = threading.Thread(target=command)
     commander.start()
-    yield
-    ended.set()
-    commander.join()
+    try:
+        yield
+    finally:
+        ended.set()
+        commander.join()
 
 
 def inward(joint: str) -> float:

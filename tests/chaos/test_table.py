@@ -75,5 +75,5 @@ def test_the_list_has_every_fault_and_starts_nothing():
     assert [row["fault"] for row in listed["faults"]] == names
     lines = CliRunner().invoke(app, ["chaos", "--list"]).stdout.splitlines()
     assert len(lines) == len(names) + 1
-    some = CliRunner().invoke(app, ["chaos", "--list", "--only", "NaN"]).stdout
+    some = CliRunner().invoke(app, ["chaos", "--list", "--only", "nan"]).stdout
     assert "a position is NaN" in some and "all lost" not in some

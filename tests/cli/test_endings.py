@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from armguard.cli import main
+from armguard.cli import command_line, main
 from armguard.entry import run_program
 from armguard.errors import SceneError
 from armguard.processes import FIRST
@@ -254,3 +254,12 @@ def test_the_command_line_ends_with_a_code(monkeypatch, capsys):
         main()
     assert ended.value.code == 0
     assert capsys.readouterr().out.strip() == "0.1.0"
+
+
+def test_a_command_takes_one_thread_for_blas(monkeypatch):
+    """More of them wait for work on the cores of the fits beside them."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    monkeypatch.setattr("armguard.cli.app.app", lambda: None)
+    command_line()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"

@@ -172,23 +172,33 @@ def test_init_of_mjcf_and_of_xacro_with_its_arguments_is_ready(tmp_path):
     assert result.stdout.splitlines()[-1].startswith("READY")
 
 
-def test_closed_fingers_are_a_warning_with_the_line_that_allows_them(tmp_path):
+@pytest.mark.parametrize(
+    ("thumb", "sentence"),
+    [
+        ("0.02", "WARN fingers: closed fingers touch at home"),
+        ("0.3", "WARN gripper: shapes of one gripper overlap at every opening"),
+    ],
+)
+def test_contacts_within_a_gripper_are_warnings_with_lines_that_allow_them(
+    thumb, sentence, tmp_path
+):
     scene = f"robots: {{a: {{urdf: r.urdf, {STOPPING}}}}}\n"
-    result = check(tmp_path, scene)
+    urdf = gripper_arm().replace("0.02 0.02 0.06", f"0.02 {thumb} 0.06", 1)
+    result = check(tmp_path, scene, urdf=urdf)
     words = words_of(result)
-    assert "WARN fingers: closed fingers touch at home: a/index and a/thumb" in words
+    assert f"{sentence}: a/index and a/thumb" in words
     assert "FAIL" not in words
     assert result.exit_code == 1
     last = result.stdout.splitlines()[-1]
     assert last.startswith("NOT READY: ")
-    assert last.endswith("closed fingers to allow")
+    assert last.endswith("links of grippers to allow")
     lines = result.stdout.splitlines()
     start = lines.index("          allow:")
     pasted = "\n".join(
         line.strip() if "allow" in line else line[8:]
         for line in lines[start : start + 2]
     )
-    fixed = check(tmp_path, scene + pasted + "\n")
+    fixed = check(tmp_path, scene + pasted + "\n", urdf=urdf)
     assert fixed.exit_code == 0, fixed.output
 
 
@@ -320,6 +330,20 @@ def test_what_is_seldom_true_is_a_warning_with_its_line(case, tmp_path):
     assert remedy in found
 
 
+def test_both_bases_in_millimetres_get_a_line_and_keep_their_orientation(tmp_path):
+    robot = f"urdf: r.urdf, {STOPPING}, home: {{thumb: 0.02}}"
+    words = words_of(
+        check(
+            tmp_path,
+            "robots:\n"
+            f"  l: {{{robot}, base: {{xyz: [0, 400, 0]}}}}\n"
+            f"  r: {{{robot}, base: {{xyz: [0, -400, 0], rpy: [0, 0, 1.5]}}}}\n",
+        )
+    )
+    assert "base: {xyz: [0.0, 0.4, 0.0]}" in words
+    assert "base: {xyz: [0.0, -0.4, 0.0], rpy: [0.0, 0.0, 1.5]}" in words
+
+
 def test_a_plausible_scene_prints_neither_tables_nor_passes(tmp_path):
     robot = f"urdf: r.urdf, {STOPPING}, home: {{thumb: 0.02}}"
     text = f"robots:\n  l: {{{robot}}}\n  r: {{{robot}, base: {{xyz: [0.9, 0, 0]}}}}\n"
@@ -363,7 +387,7 @@ def test_closer_fits_are_measured_and_leave_the_scene_as_it_is(tmp_path):
     scene.add_robot(tmp_path / "r.urdf", "a", home={"thumb": 0.02}, **own)
     fits = dict(scene.robots["a"].fits)
     (plain,) = fit_findings(scene, "s.yaml", False)
-    assert plain.sentence.startswith("link rod overreaches by ")
+    assert plain.sentence.startswith("rod overreaches by ")
     assert "`armguard check s.yaml --closer` measures the effect" in plain.remedy
     assert plain.paste == "max_primitives: 2"
     (closer,) = fit_findings(scene, "s.yaml", True)

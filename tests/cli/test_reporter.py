@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
-from armguard.cli.demo import Reporter
+from armguard.cli.demo import Reporter, too_busy
 from armguard.guard import Level
 from armguard.guard.events import Event
 from armguard.guard.levels import Reason
@@ -46,3 +46,10 @@ def test_only_stops_ordered_for_lateness_are_left_out(reason, printed):
     console = Console(record=True, width=200, quiet=False, file=None)
     Reporter(tally, verbose=False, quiet=False).finish(console)
     assert ("4 mm from right/hand" in console.export_text()) is printed
+
+
+def test_a_busy_computer_is_named_with_what_came_late():
+    late = SimpleNamespace(delay=0.042, late=0.03)
+    assert "a cycle came 42 ms late, 30 ms are permitted. Each" in too_busy(late)
+    stale = SimpleNamespace(delay=0.017, late=0.03)
+    assert " ms" not in too_busy(stale)

@@ -159,6 +159,22 @@ CALLS = {
         *("Box(", "the name", "it must be text, as in add(Box(size="),
         with_part("t", CUBE),
     ),
+    "one size of three": Mistake(
+        *("is 2.0", "Box size", "it must be 3 numbers, as in (0.1, 0.2, 0.3)"),
+        lambda *_: Box(size=2.0),
+    ),
+    "text for a size": Mistake(
+        *("is '0.1'", "Sphere radius", "it must be a number [m]"),
+        lambda *_: Sphere(radius="0.1"),
+    ),
+    "a mesh without faces": Mistake(
+        *("of 1 arrays", "a mesh", "give its vertices and its faces"),
+        lambda scene, _: scene.add_mesh((np.zeros((3, 3)),), "t"),
+    ),
+    "a file for a scene": Mistake(
+        *("'two.yaml'", "Scene", "read a scene file with load_scene(FILE)"),
+        lambda *_: Guard("two.yaml"),
+    ),
     "no shape": Mistake(
         *("1.0 is no shape", "object 't'", "give shapes such as"),
         with_part([1.0], "t"),

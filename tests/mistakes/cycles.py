@@ -153,6 +153,11 @@ CYCLES = {
         *("is nan", "v_desired of 'b/turn'", "it must be finite"),
         desired([0, 0, np.nan, 0]),
     ),
+    "a desired NaN in an array": Mistake(
+        *("is nan", "v_desired of joint 'b/turn'", "it must be finite"),
+        driven(np.array([0, 0, np.nan, 0])),
+        logged=True,
+    ),
     "too few desired velocities": Mistake(
         *(
             "shape (3,)",

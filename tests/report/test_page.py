@@ -244,9 +244,9 @@ def test_what_cannot_be_read_or_written_is_said_in_words(
 
     assert "no such file" in complaint(str(tmp_path / "none.mcap"))
     (tmp_path / "other.mcap").write_bytes(b"nothing of the kind" * 100)
-    assert "the scene is not in this recording" in complaint(
-        str(tmp_path / "other.mcap")
-    )
+    other = complaint(str(tmp_path / "other.mcap"))
+    assert "this is no MCAP file" in other
+    assert "give a file that `armguard serve --record FOLDER` wrote" in other
     nowhere = str(tmp_path / "no folder" / "page.html")
     printed = complaint(str(evening.file), "--out", nowhere)
     assert "the page cannot be written" in printed

@@ -2,6 +2,8 @@
 
 import json
 import pickle
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +23,12 @@ from armguard.robot.fitting import (
     uncovered,
 )
 from armguard.robot.fitting.clipping import cut
-from armguard.robot.fitting.exact import hull_faces, sticks_out
+from armguard.robot.fitting.exact import (
+    exact_shapes,
+    hull_faces,
+    mesh_hull,
+    sticks_out,
+)
 from armguard.robot.fitting.fit import placed_triangles
 from armguard.robot.fitting.hull_reach import bound_pieces, hull_reach
 from armguard.robot.fitting.overreach import overreaches, surface_samples
@@ -364,6 +371,8 @@ def test_workers_fit_as_this_process_does(tmp_path, monkeypatch, executable):
 def test_a_worker_fits_without_the_main_module(tmp_path):
     (link,) = meshed_links(tmp_path, 1)
     process = parallel.start()
+    given = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
+    assert b"OPENBLAS_NUM_THREADS=1" in given
     parallel.send(process.stdin, (fit_link, link, {}))
     answer = pickle.load(process.stdout)
     parallel.end(process)
@@ -377,3 +386,23 @@ def test_a_link_that_cannot_be_fitted_ends_the_others(tmp_path, monkeypatch):
     monkeypatch.setattr(parallel, "WORTH", 0)
     with pytest.raises(MeshError, match=r"l2\.obj"):
         parallel.fit_links(fit_link, links, {}, print, print)
+
+
+def test_links_that_share_a_mesh_share_its_hull(tmp_path):
+    first, second = meshed_links(tmp_path, 2)
+    (element,) = second.collisions
+    mesh = first.collisions[0].geometry
+    at = np.eye(4)
+    at[:3, 3] = 0.1, 0.2, 0.3
+    other = replace(element, geometry=mesh, T_link_geometry=at)
+    mesh_hull.cache_clear()
+    (own,), (again,) = (
+        exact_shapes(link) for link in (first, replace(second, collisions=(other,)))
+    )
+    assert mesh_hull.cache_info().misses == 1
+    assert again.shape is own.shape and again.model_error == own.model_error
+    assert again.pose.xyz == (0.1, 0.2, 0.3) and own.pose.xyz == (0.0, 0.0, 0.0)
+    exact_shapes(
+        replace(second, collisions=(replace(other, geometry=element.geometry),))
+    )
+    assert mesh_hull.cache_info().misses == 2

@@ -147,3 +147,22 @@ def test_at_most_ten_objects_in_millimetres_are_named_and_all_are_counted(
     *named, counted = caplog.messages
     assert [words.split()[1] for words in named] == [f"'ball{k}':" for k in range(10)]
     assert counted == "12 objects look like millimetres; 10 of them are named above"
+
+
+def test_a_scene_file_writes_each_line_of_the_log_once(tmp_path, caplog):
+    (tmp_path / "arm.urdf").write_text(ARM)
+    path = tmp_path / "scene.yaml"
+    base = "base: {xyz: [0, 400, 0]}"
+    path.write_text(f"robots: {{a: {{urdf: arm.urdf, mode: fixed, {base}}}}}\n")
+    for _ in range(2):
+        caplog.clear()
+        load_scene(path)
+        (line,) = caplog.messages
+        assert line.startswith("robot 'a': base: 400 m look like millimetres")
+
+
+def test_a_robot_in_place_of_a_scene_is_answered_by_how_to_write_one(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    with pytest.raises(SceneFileError, match=f"robot: armguard init {path}"):
+        load_scene(path)

@@ -102,7 +102,7 @@ def test_what_the_keyboard_focuses_is_marked_in_the_picture(near):
 
 
 def test_on_a_phone_all_is_one_below_the_other_and_nothing_is_beside_it(near):
-    page, _, _ = near
+    page, view, _ = near
     page.set_viewport_size({"width": 390, "height": 844})
 
     def boxes():
@@ -124,4 +124,21 @@ def test_on_a_phone_all_is_one_below_the_other_and_nothing_is_beside_it(near):
     assert picture["height"] > 200
     assert plot["x"] >= 0 and plot["x"] + plot["width"] <= 390
     assert plot["width"] > 330
+    # Of two notes the last one is seen, with its sentence.
+    (client,) = view.server.get_clients().values()
+    for sentence in ("the first sentence", "the last sentence"):
+        client.add_notification("Not done", sentence, auto_close_seconds=None)
+        page.get_by_text(sentence).wait_for()
+    assert not page.get_by_text("the first sentence").is_visible()
     page.set_viewport_size(VIEWPORT)
+
+
+def test_a_silent_view_names_what_stops_the_arms_instead_of_it(near):
+    page, view, _ = near
+    step, view.step = view.step, lambda: None
+    try:
+        veil = page.get_by_text("STOP may not arrive: use the emergency stop")
+        veil.wait_for()
+    finally:
+        view.step = step
+    veil.wait_for(state="hidden")

@@ -99,15 +99,17 @@ def chosen(only: list[str] | None) -> list[Fault]:
     """
     if not only:
         return list(FAULTS)
-    faults = {f"{fault.group}, {fault.name}": fault for fault in FAULTS}
+    faults = {f"{fault.group}, {fault.name}".lower(): fault for fault in FAULTS}
     for word in only:
-        if not any(word in name for name in faults):
+        if not any(word.lower() in name for name in faults):
             near = did_you_mean(word, [fault.name for fault in FAULTS])
             raise SceneError(
                 f"no fault's name contains '{word}'; {near}; `armguard chaos --list` "
                 "prints all names"
             )
-    return [f for name, f in faults.items() if any(word in name for word in only)]
+    return [
+        f for name, f in faults.items() if any(word.lower() in name for word in only)
+    ]
 
 
 def declared(fault: Fault) -> str:

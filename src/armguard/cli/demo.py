@@ -205,10 +205,15 @@ class Reporter:
 
 def too_busy(tally: Tally) -> str:
     """The meaning of the figures on a computer that runs cycles too late."""
+    late = "a measurement or an answer came too late"
+    if tally.delay > tally.late:
+        late = (
+            f"a cycle came {tally.delay * 1e3:.0f} ms late, "
+            f"{tally.late * 1e3:.0f} ms are permitted"
+        )
     return (
-        f"this computer is too busy: a cycle came {tally.delay * 1e3:.0f} ms late, "
-        f"{tally.late * 1e3:.0f} ms are permitted. Each late cycle stops the arms, as "
-        "it must; such stops are counted at the end and not listed. The figures are "
+        f"this computer is too busy: {late}. Each such delay stops the arms, as it "
+        "must; these stops are counted at the end and not listed. The figures are "
         "those of this busy computer: end other programs and start again"
     )
 

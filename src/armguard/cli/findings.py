@@ -1,6 +1,6 @@
 """The lines of `armguard check`: what was examined, PASS, WARN or FAIL, the remedy."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from platform import machine, python_version
@@ -12,7 +12,9 @@ from armguard.cli.home import (
     close_findings,
     closed_fingers,
     contact_findings,
+    depths,
     finger_finding,
+    overlapping,
     roomier,
 )
 from armguard.cli.stopping import lacking_figures_finding
@@ -146,7 +148,8 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
         found = list(contact_findings(scene, error))
         yield from found
         if all(finding.status == "WARN" for finding in found):
-            yield from without_fingers(scene, file)
+            links = overlapping(scene, depths(error.contacts))
+            yield from with_allowed(scene, file, closed_fingers(scene) | links)
         return
     except ArmguardError as error:
         yield Finding("guard", "FAIL", str(error), f"change {file}")
@@ -155,7 +158,7 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
     fingers = closed_fingers(scene)
     if home.level is Level.STOP and fingers:
         yield finger_finding(fingers)
-        yield from without_fingers(scene, file)
+        yield from with_allowed(scene, file, fingers)
         return
     if home.level is Level.STOP:
         yield from close_findings(scene, home)
@@ -175,9 +178,11 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
     yield from cycle_findings(guard, scene)
 
 
-def without_fingers(scene: Scene, file: str) -> Iterator[Finding]:
-    """Results of the guard once closed fingers may touch."""
-    for (a, b), reason in closed_fingers(scene).items():
+def with_allowed(
+    scene: Scene, file: str, pairs: Mapping[tuple[str, str], str]
+) -> Iterator[Finding]:
+    """Results of the guard once these pairs of grippers may touch."""
+    for (a, b), reason in pairs.items():
         scene.allow(a, b, reason=reason)
     yield from guard_findings(scene, file)
 

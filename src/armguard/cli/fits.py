@@ -26,6 +26,8 @@ LEAST_TARGET = 0.002
 # A closer fit is worth its primitives if it leaves less than this of an overreach [-].
 WORTH = 0.95
 
+ACCEPT = "accept that the arm stops that much earlier there"
+
 # Settings of a robot's fits, and closer fits by robot and link.
 Settings = dict[str, Any]
 Fits = Mapping[str, Mapping[str, FittedLink]]
@@ -47,33 +49,35 @@ def fit_findings(scene: Scene, file: str, closer: bool) -> Iterator[Finding]:
     settings = {name: closer_settings(scene.robots[name], wide[name]) for name in wide}
     found, cost = closer_fits(scene, settings) if closer else ({}, "")
     for name, fits in wide.items():
-        target = scene.robots[name].fit_target
+        keys, target = ("robots", name), scene.robots[name].fit_target
+        paste = "\n".join(f"{key}: {it}" for key, it in settings[name].items())
+        most = settings[name]["max_primitives"]
+        limit = f"target {target * 1e3:.1f} mm"
+        if not closer:
+            names = ", ".join(map(overreach_in_words, fits))
+            remedy = f"{ACCEPT}, or fit closer; `armguard check {file} --closer`"
+            remedy += " measures the effect"
+            yield Finding("fit", "WARN", f"{names}; {limit}", remedy, keys, paste)
+            continue
         for fit in fits:
-            remedy = "accept that the arm stops that much earlier there, or fit closer"
-            paste = "\n".join(f"{key}: {it}" for key, it in settings[name].items())
-            if not closer:
-                remedy += f"; `armguard check {file} --closer` measures the effect"
-            elif (better := found[name][fit.link]).overreach < WORTH * fit.overreach:
-                remedy += (
-                    f": {len(better.shapes)} primitives instead of {len(fit.shapes)} "
-                    f"bring {better.overreach * 1e3:.1f} mm{cost}"
-                )
-            else:
-                remedy = (
-                    "accept that the arm stops that much earlier there: up to "
-                    f"{settings[name]['max_primitives']} primitives bring "
-                    f"{better.overreach * 1e3:.1f} mm"
-                )
-                paste = ""
-            yield Finding(
-                "fit",
-                "WARN",
-                f"link {fit.link} overreaches by {fit.overreach * 1e3:.1f} mm, target "
-                f"{target * 1e3:.1f} mm, thickness {thickness(fit) * 1e3:.0f} mm",
-                remedy,
-                ("robots", name),
-                paste,
+            sentence, better = (
+                f"{overreach_in_words(fit)}; {limit}",
+                found[name][fit.link],
             )
+            reach = f"bring {better.overreach * 1e3:.1f} mm"
+            if better.overreach < WORTH * fit.overreach:
+                count = f"{len(better.shapes)} primitives instead of {len(fit.shapes)}"
+                remedy = f"{ACCEPT}, or fit closer: {count} {reach}{cost}"
+                yield Finding("fit", "WARN", sentence, remedy, keys, paste)
+            else:
+                remedy = f"{ACCEPT}: up to {most} primitives {reach}"
+                yield Finding("fit", "WARN", sentence, remedy, keys)
+
+
+def overreach_in_words(fit: FittedLink) -> str:
+    """A link that is grown, by how much, and how thick it is."""
+    by, thick = fit.overreach * 1e3, thickness(fit) * 1e3
+    return f"{fit.link} overreaches by {by:.1f} mm ({thick:.0f} mm thick)"
 
 
 def wide_links(robot: SceneRobot) -> list[FittedLink]:

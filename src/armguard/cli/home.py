@@ -1,6 +1,6 @@
 """The home of robots in `armguard check`: contacts there, and a free home to paste."""
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from itertools import islice
 from typing import Any
 
@@ -13,6 +13,7 @@ from armguard.scene import compile_scene
 from armguard.scene.posture import (
     coinciding,
     free_homes,
+    overlapping_links,
     robot_of,
     touching_fingers,
 )
@@ -50,6 +51,10 @@ def contact_findings(scene: Scene, error: HomeContactError) -> Iterator[Finding]
     robots = {robot_of(body) for pair in rest for body in pair} & scene.robots.keys()
     ignored = {name for pair in bases for name in pair}
     homes = verified_homes(scene, robots, ignored) if robots else {}
+    links = {} if homes else overlapping(scene, rest)
+    if links:
+        yield gripper_finding(links)
+        rest = {pair: rest[pair] for pair in rest.keys() - set(map(frozenset, links))}
     for name in scene.robots:
         own = {
             pair: depth
@@ -94,15 +99,34 @@ def closed_fingers(scene: Scene) -> dict[tuple[str, str], str]:
 
 def finger_finding(fingers: Mapping[tuple[str, str], str]) -> Finding:
     """Closed fingers that touch, with the rows that allow it."""
-    named = ", ".join(f"{a} and {b}" for a, b in fingers)
+    return to_allow("fingers", "closed fingers touch at home: ", fingers)
+
+
+def overlapping(scene: Scene, contacts: Collection[Pair]) -> dict[tuple[str, str], str]:
+    """Pairs in contact that no position of their gripper parts, with their reasons."""
+    found = overlapping_links(scene, compile_scene(scene))
+    return {pair: why for pair, why in found.items() if frozenset(pair) in contacts}
+
+
+def gripper_finding(links: Mapping[tuple[str, str], str]) -> Finding:
+    """Links of a gripper that overlap wherever it is, with the rows that allow it."""
+    sentence = "shapes of one gripper overlap at every opening: "
+    return to_allow("gripper", sentence, links)
+
+
+def to_allow(
+    topic: str, sentence: str, pairs: Mapping[tuple[str, str], str]
+) -> Finding:
+    """Contacts within a gripper, with the rows that allow them by their reasons."""
+    named = ", ".join(f"{a} and {b}" for a, b in pairs)
     rows = [
         f"  - {in_yaml({'a': a, 'b': b, 'reason': reason})}"
-        for (a, b), reason in fingers.items()
+        for (a, b), reason in pairs.items()
     ]
     return Finding(
-        "fingers",
+        topic,
         "WARN",
-        f"closed fingers touch at home: {named}",
+        sentence + named,
         "allow these pairs; until then the guard does not let the robot move",
         paste="\n".join(["allow:", *rows]),
         blocks=True,
@@ -153,7 +177,7 @@ def doubt(scene: Scene, pair: Pair, depth: float) -> str:
     excess = sum(overestimate(scene, body) for body in pair)
     if excess < depth or excess == 0.0:
         return ""
-    beyond = f"their shapes reach up to {excess * 1e3:.0f} mm beyond them"
+    beyond = f"their shapes reach up to {excess * 1e3:.1f} mm beyond them"
     return f" ({beyond}: they may be apart)"
 
 

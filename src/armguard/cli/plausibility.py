@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from armguard.cli.finding import Finding, in_yaml
 from armguard.errors import SceneError
+from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Box
 from armguard.robot.model import JointKind
 from armguard.robot.stopping import stop_distances
@@ -60,30 +61,36 @@ def reaches(scene: Scene, tables: SceneTables) -> dict[str, float]:
 
 
 def far_bases(scene: Scene, reach: Mapping[str, float]) -> Iterator[Finding]:
-    """Two robots that cannot meet."""
+    """Two robots that cannot meet, each with a base in millimetres, or the second."""
     for a, b in combinations(scene.robots.values(), 2):
-        apart = float(np.linalg.norm(np.subtract(a.base.xyz, b.base.xyz)))
-        both = reach[a.name] + reach[b.name]
+        way = np.subtract(b.base.xyz, a.base.xyz)
+        apart, both = float(np.linalg.norm(way)), reach[a.name] + reach[b.name]
         if apart <= both:
             continue
-        factor = 1e-3 if apart > LARGE else both / 2.0 / apart
-        xyz = [
-            round(float(x + factor * (y - x)), 4)
-            if apart <= LARGE
-            else round(float(y * factor), 4)
-            for x, y in zip(a.base.xyz, b.base.xyz, strict=True)
-        ]
-        guess = ": millimetres?" if apart > LARGE else ""
-        yield Finding(
-            "plausibility",
-            "WARN",
-            f"it is {apart:g} m from '{a.name}'; they reach {reach[b.name]:.2f} m and "
-            f"{reach[a.name]:.2f} m, so they never meet"
-            f"{guess}",
-            "give metres, or check them as two scenes",
-            ("robots", b.name),
-            f"base: {in_yaml({'xyz': xyz})}",
-        )
+        large = [robot for robot in (a, b) if np.linalg.norm(robot.base.xyz) > LARGE]
+        for robot in large or [b]:
+            other = a if robot is b else b
+            xyz = a.base.xyz + both / 2.0 / apart * way
+            if large:
+                xyz = 1e-3 * np.array(robot.base.xyz)
+            yield Finding(
+                "plausibility",
+                "WARN",
+                f"it is {apart:g} m from '{other.name}'; they reach "
+                f"{reach[robot.name]:.2f} m and {reach[other.name]:.2f} m, so they "
+                "never meet" + (": millimetres?" if large else ""),
+                "give metres, or check them as two scenes",
+                ("robots", robot.name),
+                f"base: {moved(robot.base, xyz)}",
+            )
+
+
+def moved(pose: Pose, xyz: Floats) -> str:
+    """A pose at another place, as YAML."""
+    place = {"xyz": np.round(xyz, 4).tolist()}
+    if any(pose.rpy):
+        place["rpy"] = list(pose.rpy)
+    return in_yaml(place)
 
 
 def object_findings(
@@ -130,8 +137,8 @@ def large_object(scene: Scene, name: str, size: float) -> Finding:
     shape = item.shapes[0].shape if item.shapes else None
     if isinstance(shape, Box):
         sizes = [round(2e-3 * half, 5) for half in shape.half_extents]
-        xyz = [round(1e-3 * x, 5) for x in item.pose.xyz]
-        paste = f"box: {in_yaml(sizes)}\nat: {in_yaml({'xyz': xyz})}"
+        at = moved(item.pose, 1e-3 * np.array(item.pose.xyz))
+        paste = f"box: {in_yaml(sizes)}\nat: {at}"
     return Finding(
         "plausibility",
         "WARN",

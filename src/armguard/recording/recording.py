@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.writer import MCAP0_MAGIC as MAGIC
 from numpy.typing import NDArray
 
 from armguard.errors import ArmguardError, RecordingError
@@ -153,6 +154,11 @@ class Recording:
             ArchiveError: It was made by a version whose scenes this one cannot read.
         """
         archive = self._attached(SCENE)
+        if archive is None and all(d[: len(MAGIC)] != MAGIC for d in self._data):
+            raise RecordingError(
+                f"{self.paths[0]}: this is no MCAP file, or its first bytes are "
+                "damaged; give a file that `armguard serve --record FOLDER` wrote"
+            )
         if archive is None:
             raise RecordingError(
                 f"{self.paths[0]}: the scene is not in this recording, or it is "

@@ -1,4 +1,4 @@
-"""Desired motion in degrees or millimetres: the log names it."""
+"""Desired motion in degrees or millimetres, or no number: the log names it."""
 
 import logging
 from math import ceil, inf, radians
@@ -38,7 +38,7 @@ FORMS = 1 + max(VELOCITIES, POSITIONS, TWISTS, STANDSTILL)
 
 
 class DesiredUnits:
-    """Finds desired motion that looks like another unit, and logs it once.
+    """Finds desired motion that looks like another unit or is none, and logs it once.
 
     Such motion is followed: positions as far as the limits of the joints, velocities
     and twists at their top speeds.
@@ -100,7 +100,11 @@ class DesiredUnits:
         )
 
     def _hint_of_velocities(self, v: Floats) -> str:
-        """A velocity far beyond its top speed, if all such fit in another unit."""
+        """A velocity that is no number, or all too fast ones if in another unit."""
+        if not np.isfinite(v).all():
+            k = int(np.isfinite(v).argmin())
+            name = self._tables.q_names[k]
+            return f"v_desired of joint '{name}' is {v[k]}; it must be finite"
         speed = np.abs(v)
         far = speed > FAR_TOO_FAST * self._tops
         likely = speed * self._factors <= LIKELY * self._tops

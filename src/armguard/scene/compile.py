@@ -7,6 +7,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.errors import SceneError
 from armguard.robot.kinematics import KinematicTable, reach_bounds
 from armguard.robot.limits import joint_limits
 from armguard.robot.tree import tool_link
@@ -31,6 +32,7 @@ from armguard.scene.hold_tables import (
 from armguard.scene.layout import Layout, PrimitiveNames
 from armguard.scene.objects import NAMED_STRANGE
 from armguard.scene.scene import Scene, SceneRobot
+from armguard.scene.schema import BRIEF
 from armguard.scene.standing import standing_objects
 from armguard.scene.tables import LinkFrame, RobotPart, SceneTables
 
@@ -50,6 +52,10 @@ def compile_scene(scene: Scene) -> SceneTables:
     Raises:
         SceneError: The scene contradicts itself.
     """
+    if not isinstance(scene, Scene):
+        raise SceneError(
+            f"{BRIEF.repr(scene)} is no Scene; read a scene file with load_scene(FILE)"
+        )
     scene.validate()
     if scene.strange_count > NAMED_STRANGE:
         log.warning(

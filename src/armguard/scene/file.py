@@ -1,5 +1,6 @@
 """Scene files: own YAML, or a MoveIt planning scene, to a `Scene`."""
 
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -35,6 +36,11 @@ from armguard.scene.schema import keys_of, part_of, sentence_of
 from armguard.scene.settings import ObjectSettings, RobotSettings
 from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
 
+log = logging.getLogger("armguard")
+
+# Suffixes of files that describe a robot, not a scene.
+ROBOT_FILES = (".urdf", ".xacro", ".xml")
+
 # Problems of one file that are reported; each takes a search for its line.
 MOST_PROBLEMS = 20
 
@@ -69,7 +75,9 @@ def validated(source: YamlSource) -> SceneModel:
         SceneFileError: They do not follow it.
     """
     if not isinstance(source.values, dict):
-        raise source.problem((), "must be a mapping with the key 'robots'")
+        robot = source.path.suffix.lower() in ROBOT_FILES
+        hint = f"; for a scene of this robot: armguard init {source.path}" * robot
+        raise source.problem((), f"must be a mapping with the key 'robots'{hint}")
     try:
         model = SceneModel.model_validate(source.values)
         return model
@@ -142,6 +150,25 @@ class Draft(Scene):
         return robot
 
 
+@contextmanager
+def each_line_once() -> Iterator[None]:
+    """Drop repeated lines of the log: a draft and its scene warn of the same values."""
+    written = set[str]()
+
+    def is_new(record: logging.LogRecord) -> bool:
+        line = record.getMessage()
+        new = line not in written
+        written.add(line)
+        return new
+
+    log.addFilter(is_new)
+    try:
+        yield
+    finally:
+        log.removeFilter(is_new)
+
+
+@each_line_once()
 def build_scene(
     source: YamlSource, model: SceneModel, progress: Progress | None
 ) -> Scene:

@@ -41,6 +41,9 @@ DECIMALS = 3
 # than this [m].
 FINGER_STROKE = 0.1
 
+# Positions of a gripper from one end of its way to the other.
+POSITIONS = 11
+
 # Closed fingers overlap by no more than this [m].
 TOUCH = 0.002
 
@@ -293,26 +296,57 @@ def touching_fingers(
         The reason why each pair may touch, by the names of its bodies.
     """
     distances = Distances(tables)
-    place = {name: k for k, name in enumerate(tables.q_names)}
     found: dict[tuple[str, str], str] = {}
+    for own, joint, way in strokes(scene, tables, q):
+        by_end = np.array([distances.at(end) for end in (way[0], way[-1])])
+        now = by_end.min(axis=0) if q is None else distances.at(q)
+        for k, (a, b) in enumerate(distances.pairs):
+            if not {a, b} <= own or abs(now[k]) > distances.buffers[k]:
+                continue
+            opens = by_end[:, k].max() > now[k] + distances.buffers[k]
+            if opens and now[k] >= -TOUCH:
+                found[a, b] = f"fingers of one gripper; {joint} closes them"
+    return found
+
+
+def overlapping_links(scene: Scene, tables: SceneTables) -> dict[tuple[str, str], str]:
+    """Pairs of one gripper's links whose primitives overlap wherever its joints are.
+
+    Returns:
+        The reason why each pair may touch, by the names of its bodies.
+    """
+    distances = Distances(tables)
+    found: dict[tuple[str, str], str] = {}
+    for own, joint, way in strokes(scene, tables):
+        most = np.max([distances.at(q) for q in way], axis=0)
+        for (a, b), distance in zip(distances.pairs, most, strict=True):
+            if {a, b} <= own and distance < 0.0:
+                where = f"their shapes overlap wherever {joint} is"
+                found[a, b] = f"links of one gripper; {where}"
+    return found
+
+
+def strokes(
+    scene: Scene, tables: SceneTables, q: Floats | None = None
+) -> Iterator[tuple[set[str], str, Floats]]:
+    """The way of each gripper from one end to the other.
+
+    Args:
+        scene: The scene.
+        tables: The compiled scene.
+        q: Positions of all other joints; home if None.
+
+    Yields:
+        Bodies that its joints move, the quoted names of these joints, and
+        configurations, shape (k, n).
+    """
+    place = {name: k for k, name in enumerate(tables.q_names)}
     for name, robot in scene.robots.items():
         for gripping in grippings(robot.model, robot.fits.keys()):
             joints = [place[f"{name}/{joint}"] for joint in gripping.joints]
-            ends = [tables.home.copy() if q is None else q.copy() for _ in range(2)]
-            ends[0][joints], ends[1][joints] = (
-                tables.lower[joints],
-                tables.upper[joints],
-            )
-            if not all(np.isfinite(end).all() for end in ends):
-                continue
-            by_end = np.array([distances.at(end) for end in ends])
-            now = by_end.min(axis=0) if q is None else distances.at(q)
-            own = {f"{name}/{link}" for link in gripping.links}
-            for k, (a, b) in enumerate(distances.pairs):
-                if not {a, b} <= own or abs(now[k]) > distances.buffers[k]:
-                    continue
-                opens = by_end[:, k].max() > now[k] + distances.buffers[k]
-                if opens and now[k] >= -TOUCH:
-                    joint = "' and '".join(gripping.joints)
-                    found[a, b] = f"fingers of one gripper; '{joint}' closes them"
-    return found
+            ends = tables.lower[joints], tables.upper[joints]
+            if np.isfinite(ends).all():
+                way = np.tile(tables.home if q is None else q, (POSITIONS, 1))
+                way[:, joints] = np.linspace(*ends, POSITIONS)
+                own = {f"{name}/{link}" for link in gripping.links}
+                yield own, " and ".join(map(repr, gripping.joints)), way

@@ -1,19 +1,23 @@
 """Checks of sizes and points, with the words a user reads."""
 
 from math import isfinite
+from numbers import Real
 
 from armguard.errors import ShapeError
 
 Point = tuple[float, float, float]
 
 
-def check_size(shape: str, name: str, value: float, *, zero: bool = False) -> None:
-    """Refuse a size that is negative, zero unless allowed, or not finite.
+def check_size(shape: str, name: str, value: object, *, zero: bool = False) -> None:
+    """Refuse a size that is no number, negative, zero unless allowed, or not finite.
 
     Raises:
         ShapeError: It is.
     """
-    if not (isfinite(value) and (value > 0.0 or (zero and value == 0.0))):
+    if not isinstance(value, Real):
+        raise ShapeError(f"{shape} {name} is {value!r}; it must be a number [m]")
+    size = float(value)
+    if not (isfinite(size) and (size > 0.0 or (zero and size == 0.0))):
         bound = ">= 0" if zero else "> 0"
         raise ShapeError(f"{shape} {name} is {value} m; it must be finite and {bound}")
 
@@ -24,7 +28,12 @@ def checked_point(shape: str, name: str, value: Point) -> Point:
     Raises:
         ShapeError: They are not.
     """
-    numbers = tuple(float(v) for v in value)
+    try:
+        numbers = tuple(map(float, value))
+    except (TypeError, ValueError):
+        raise ShapeError(
+            f"{shape} {name} is {value!r}; it must be 3 numbers, as in (0.1, 0.2, 0.3)"
+        ) from None
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
         raise ShapeError(f"{shape} {name} is {numbers}; it must be 3 finite numbers")
     return numbers

@@ -20,18 +20,19 @@ def cut(triangles: Floats, normal: Floats, offset: float) -> tuple[Floats, Float
     side = triangles @ normal - offset
     below = (side <= 0.0).all(axis=1)
     above = (side >= 0.0).all(axis=1) & ~below
-    lower, upper = [triangles[below]], [triangles[above]]
-    for triangle, s in zip(
-        triangles[~below & ~above], side[~below & ~above], strict=True
-    ):
-        # Turn the triangle so that its first corner is alone on its side.
-        alone = next(k for k in range(3) if (s[k] > 0.0) != (s[k - 1] > 0.0)
-                     and (s[k] > 0.0) != (s[k - 2] > 0.0))  # fmt: skip
-        p, a, b = (triangle[(alone + k) % 3] for k in range(3))
-        sp, sa, sb = (s[(alone + k) % 3] for k in range(3))
-        on_a, on_b = p + sp / (sp - sa) * (a - p), p + sp / (sp - sb) * (b - p)
-        tip = np.array([[p, on_a, on_b]])
-        rest = np.array([[on_a, a, b], [on_a, b, on_b]])
-        (upper if sp > 0.0 else lower).append(tip)
-        (lower if sp > 0.0 else upper).append(rest)
+    straddling = ~below & ~above
+    positive = side[straddling] > 0.0
+    # Each triangle is turned so that its first corner is alone on its side.
+    up = positive.sum(axis=1) == 1
+    alone = (positive == up[:, None]).argmax(axis=1)
+    turned = (alone[:, None] + np.arange(3)) % 3
+    p, a, b = np.moveaxis(
+        np.take_along_axis(triangles[straddling], turned[:, :, None], axis=1), 1, 0
+    )
+    sp, sa, sb = np.take_along_axis(side[straddling], turned, axis=1).T[:, :, None]
+    on_a, on_b = p + sp / (sp - sa) * (a - p), p + sp / (sp - sb) * (b - p)
+    tips = np.stack([p, on_a, on_b], axis=1)
+    rests = np.stack([[on_a, a, b], [on_a, b, on_b]]).transpose(2, 0, 1, 3)
+    lower = triangles[below], tips[~up], rests[up].reshape(-1, 3, 3)
+    upper = triangles[above], tips[up], rests[~up].reshape(-1, 3, 3)
     return np.concatenate(lower), np.concatenate(upper)

@@ -1,5 +1,7 @@
 """Primitives around a triangle soup: one, or as many as the target needs."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,8 +56,8 @@ def cover(
         max_primitives: Primitives to stay below.
     """
     tree = triangle_tree(triangles)
-    pieces = [triangles]
-    shapes = [enclose(triangles, target).shape]
+    pieces = [piece_of(triangles)]
+    shapes = [enclose(pieces[0].points, target).shape]
     reach = overreaches(tree, shapes, COARSE)
     settled: set[int] = set()
     while len(shapes) < max_primitives:
@@ -65,7 +67,7 @@ def cover(
             break
         for halves in promising_cuts(pieces[worst]):
             trial = [s for k, s in enumerate(shapes) if k != worst]
-            trial += [enclose(half, target).shape for half in halves]
+            trial += [enclose(half.points, target).shape for half in halves]
             new, enough = range(len(shapes) - 1, len(trial)), GAIN * reach[worst]
             if all(overreach(tree, trial, k, COARSE) < enough for k in new):
                 pieces = [p for k, p in enumerate(pieces) if k != worst] + halves
@@ -77,9 +79,25 @@ def cover(
     return shapes, overreaches(tree, shapes, FINE)
 
 
-def enclose(triangles: Floats, target: float) -> Enclosure:
-    """The capsule or the box around triangles, whichever serves better."""
-    points = hull_points(triangles.reshape(-1, 3))
+class Piece(NamedTuple):
+    """A part of the surface.
+
+    Attributes:
+        triangles: Corners, shape (n, 3, 3) [m].
+        points: The points that span its convex hull, shape (k, 3) [m].
+    """
+
+    triangles: Floats
+    points: Floats
+
+
+def piece_of(triangles: Floats) -> Piece:
+    """Triangles with the points that span their hull."""
+    return Piece(triangles, hull_points(triangles.reshape(-1, 3)))
+
+
+def enclose(points: Floats, target: float) -> Enclosure:
+    """The capsule or the box around points, whichever serves better."""
     capsule = best_capsule(points)
     if capsule.reach <= 0.6 * target:
         return capsule
@@ -87,23 +105,23 @@ def enclose(triangles: Floats, target: float) -> Enclosure:
     return box if box.reach < BOX_GAIN * capsule.reach else capsule
 
 
-def promising_cuts(triangles: Floats) -> list[list[Floats]]:
+def promising_cuts(piece: Piece) -> list[list[Piece]]:
     """Both halves of a few cuts, the one that leaves the least overreach first."""
-    points = hull_points(triangles.reshape(-1, 3))
-    axes = principal_axes(points)
-    centre, half = middle_and_half(points, axes)
+    axes = principal_axes(piece.points)
+    centre, half = middle_and_half(piece.points, axes)
     ranked = []
     for k in range(3):
         if half[k] < LEAST_PIECE:
             continue
         for share in CUTS:
             offset = float(centre @ axes[:, k] + (2.0 * share - 1.0) * half[k])
-            sides = cut(triangles, axes[:, k], offset)
+            sides = cut(piece.triangles, axes[:, k], offset)
             if min(map(len, sides)) > 0:
-                reach = [quick_reach(hull_points(s.reshape(-1, 3))) for s in sides]
-                ranked.append((max(reach), sum(reach), list(sides)))
+                halves = [piece_of(side) for side in sides]
+                reach = [quick_reach(side.points) for side in halves]
+                ranked.append((max(reach), sum(reach), halves))
     ranked.sort(key=lambda cut: cut[:2])
-    return [sides for _, _, sides in ranked[:TRIALS]]
+    return [halves for _, _, halves in ranked[:TRIALS]]
 
 
 def quick_reach(points: Floats) -> float:

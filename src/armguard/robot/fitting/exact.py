@@ -1,6 +1,8 @@
 """The second, exact stage of a link's geometry: hulls of meshes, true cylinders."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +36,26 @@ def exact_shapes(link: Link) -> tuple[PlacedShape, ...]:
         pose = Pose.from_matrix(element.T_link_geometry)
         geometry = element.geometry
         if isinstance(geometry, MeshFile):
-            triangles = load_triangles(geometry)
-            hull = Hull(points=triangles.reshape(-1, 3))
-            reach = hull_reach(hull_faces(hull), triangles)
-            found.append(PlacedShape(hull, pose, reach))
+            data = load_triangles(geometry).tobytes()
+            found.append(replace(mesh_hull(data), pose=pose))
         elif isinstance(geometry, Cylinder):
             cylinder = convex.Cylinder(radius=geometry.radius, height=geometry.length)
             found.append(PlacedShape(cylinder, pose))
         else:
             found.append(PlacedShape(geometry, pose))
     return tuple(found)
+
+
+@lru_cache(maxsize=4)
+def mesh_hull(triangles: bytes) -> PlacedShape:
+    """Hull of a mesh, which links may share, with its model error.
+
+    Args:
+        triangles: Corners of the triangles, as bytes [m].
+    """
+    corners = np.frombuffer(triangles).reshape(-1, 3, 3)
+    hull = Hull(points=corners.reshape(-1, 3))
+    return PlacedShape(hull, model_error=hull_reach(hull_faces(hull), corners))
 
 
 def hulls_are_contained(

@@ -152,6 +152,11 @@ def open_arrays(arrays: tuple[ArrayLike, ArrayLike], factors: Floats) -> Triangl
         MeshError: A shape is wrong, or a face names a vertex that is not there.
     """
     name = "(vertices, faces)"
+    if len(arrays) != 2:
+        raise MeshError(
+            f"a mesh of {len(arrays)} arrays; give its vertices and its faces, as in "
+            "add_mesh((vertices, faces), name)"
+        )
     vertices = np.asarray(arrays[0], dtype=np.float64)
     faces = np.asarray(arrays[1])
     if vertices.ndim != 2 or vertices.shape[1] != 3:

@@ -43,7 +43,9 @@ const draw = () => {
 const veil = () => {
   if (state === null) return "waiting for the view";
   const silent = performance.now() - heard;
-  return silent > SILENCE ? `the view is silent since ${(silent / 1000).toFixed(1)} s` : state.grey;
+  if (silent <= SILENCE) return state.grey;
+  const words = `the view has been silent for ${(silent / 1000).toFixed(1)} s`;
+  return state.recorded ? words : `${words}. STOP may not arrive: use the emergency stop`;
 };
 let veiled = null; // what the page was sent of it
 const cover = () => {
