@@ -1,4 +1,4 @@
-"""Checks the wheel in dist/: it leaves nothing to compile and has the same bits.
+"""Checks the wheel in dist/: nothing is left to compile or fit; it has the same bits.
 
 make dist-check
 
@@ -82,7 +82,7 @@ def main() -> None:
     """Install, play, compare; the kernels of here are played meanwhile.
 
     Raises:
-        SystemExit: Code was compiled, or a play differs.
+        SystemExit: Code was compiled, a robot was fitted, or a play differs.
     """
     cache = BUILD / "empty_cache"
     shutil.rmtree(cache, ignore_errors=True)
@@ -92,6 +92,8 @@ def main() -> None:
     compiled = [path.name for path in cache.rglob("*.nbc")]
     if compiled:
         sys.exit(f"the wheel lacks code of {len(compiled)} kernels: {compiled}")
+    if (cache / "fits").exists():
+        sys.exit("the wheel lacks fits of robots by name")
     if ready != compiled_here:
         sys.exit("the wheel's code answers otherwise than code compiled here")
     print(f"{len(PLAYS)} plays with the wheel's code, bit for bit as compiled here")

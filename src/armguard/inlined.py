@@ -8,7 +8,7 @@ from typing import Any
 
 from llvmlite import binding  # type: ignore[import-untyped]
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
 
 # What names of environments begin with: Numba writes an address to each.
 ENVIRONMENT = "_ZN08NumbaEnv"
@@ -50,3 +50,19 @@ class InlinedCompiler(Compiler):  # type: ignore[misc]
         state.library = InlinedLibrary(state.targetctx.codegen(), name)
         state.library.enable_object_caching()
         return super()._compile_core()
+
+
+class KernelFlags(Flags):  # type: ignore[misc]
+    """Flags of a compilation whose comparison looks at the options that were set.
+
+    Numba compares flags a million times while it compiles all kernels, and would read
+    every option twice for that.
+    """
+
+    def __hash__(self) -> int:
+        return hash(KernelFlags)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (
+            isinstance(other, KernelFlags) and self._values == other._values
+        )

@@ -15,7 +15,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.types.misc import unliteral
 
 from armguard.errors import ArmguardError
-from armguard.inlined import InlinedCompiler
+from armguard.inlined import InlinedCompiler, KernelFlags
 from armguard.ready import KernelCache, place_of_ready_code, usable
 from armguard.separate import SeparateKernel, link, link_missing
 
@@ -261,6 +261,7 @@ def compiled(
         )(function)
         if not config.DISABLE_JIT:
             jitted.__class__ = EntryDispatcher if entry else InnerDispatcher
+            jitted._compiler._customize_flags = KernelFlags
             if CACHE_FAULT is None:
                 jitted.enable_caching()
         return cast(Callable[..., Any], jitted)

@@ -1,4 +1,4 @@
-"""Fits kept on disk, by what they were made of."""
+"""Fits kept on disk, by what they were made of; a wheel brings some of them."""
 
 import json
 import os
@@ -13,6 +13,9 @@ from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Box, Capsule, Hull, PlacedShape, Sphere
 from armguard.kernel import PACKAGE, cache_home
 from armguard.robot.model import Cylinder, FittedLink, Link, MeshFile
+
+# Where the fits lie that the wheel brought.
+READY_FITS = PACKAGE / "robot" / "ready_fits"
 
 KINDS = {
     "sphere": Sphere,
@@ -49,8 +52,11 @@ def path_of(key: str) -> Path:
 
 def read_fit(key: str, link: str) -> FittedLink | None:
     """A kept fit; None if there is none, or none that can be read."""
+    path = path_of(key)
+    if not path.exists():
+        path = READY_FITS / path.name
     try:
-        held = json.loads(path_of(key).read_text(encoding="utf-8"))
+        held = json.loads(path.read_text(encoding="utf-8"))
         return FittedLink(
             link=link,
             shapes=tuple(as_shape(s) for s in held["shapes"]),
