@@ -114,7 +114,7 @@ def test_what_is_no_recording_is_refused_in_words(tmp_path):
         recording = open_recording(path)
         assert list(recording.frames()) == []
         assert len(recording.problems) == 3
-        with pytest.raises(RecordingError, match="the scene is not"):
+        with pytest.raises(RecordingError, match="this is no MCAP file"):
             recording.scene()
     with pytest.raises(RecordingError, match="no such file"):
         open_recording(tmp_path / "none")
