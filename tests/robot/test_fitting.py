@@ -371,12 +371,12 @@ def test_workers_fit_as_this_process_does(tmp_path, monkeypatch, executable):
 def test_a_worker_fits_without_the_main_module(tmp_path):
     (link,) = meshed_links(tmp_path, 1)
     process = parallel.start()
-    given = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
-    assert b"OPENBLAS_NUM_THREADS=1" in given
     parallel.send(process.stdin, (fit_link, link, {}))
     answer = pickle.load(process.stdout)
+    given = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
     parallel.end(process)
     assert process.wait(30) == 0
+    assert b"OPENBLAS_NUM_THREADS=1" in given
     assert as_dict(answer.shapes[0]) == as_dict(fit_link(link).shapes[0])
 
 
