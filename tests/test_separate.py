@@ -104,6 +104,20 @@ def test_callers_that_were_kept_find_what_they_call_in_another_process(tmp_path)
         assert made.stdout == "13.0\n" + expected, made.stderr
 
 
+def test_what_is_damaged_in_the_cache_is_compiled_again(tmp_path):
+    assert run(tmp_path, CALL).stdout == "13.0\n"
+    kept = list((tmp_path / "cache").rglob("*.nbc"))
+    for k, file in enumerate(kept):
+        code = file.read_bytes()
+        middle = len(code) // 2
+        other = bytes([code[middle] ^ 1])
+        whole = code[:middle] + other + code[middle + 1 :]
+        file.write_bytes(code[:middle] if k % 2 else whole)
+    assert len(kept) > 2
+    made = run(tmp_path, CALL + MISSES)
+    assert made.stdout == "13.0\n" + "0 1\n" * 3, made.stderr
+
+
 def test_so_does_code_that_is_no_kernel(tmp_path):
     for _ in range(2):
         made = run(tmp_path, WRAP)

@@ -12,6 +12,7 @@ change the package too.
 
 import pickle
 import sysconfig
+import zlib
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -19,7 +20,7 @@ from typing import Any
 
 from llvmlite import binding  # type: ignore[import-untyped]
 from numba.core import config
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
@@ -82,6 +83,26 @@ def read_ready(file: Path) -> dict[Any, bytes]:
     return code
 
 
+class CompressedFiles(IndexDataCacheFile):  # type: ignore[misc]
+    """Files of a kernel in the user's cache, half as long as those of Numba."""
+
+    def _load_data(self, name: str) -> Any:
+        try:
+            return pickle.loads(decompressed(Path(self._data_path(name))))
+        except zlib.error as error:
+            # Numba compiles what it cannot read.
+            raise OSError(f"{name} is damaged: {error}") from None
+
+    def _save_data(self, name: str, data: Any) -> None:
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(zlib.compress(dumps(data), level=1))
+
+
+def decompressed(file: Path) -> bytes:
+    """What such a file holds."""
+    return zlib.decompress(file.read_bytes())
+
+
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """Where the object code of a kernel is: in the wheel, else in the user's cache.
 
@@ -95,6 +116,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any], ready: Path | None) -> None:
         super().__init__(function)
+        self._cache_file.__class__ = CompressedFiles
         self.name = f"{function.__module__}.{function.__qualname__}"
         self._ready = ready and ready / self.name
 
@@ -120,5 +142,5 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
                     f"{name} is compiled for {processor}, not {[TARGET, '']}"
                 )
             path = Path(self._cache_file._data_path(name))
-            found[signature] = path.read_bytes()
+            found[signature] = decompressed(path)
         return found
