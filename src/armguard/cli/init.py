@@ -136,7 +136,7 @@ def init(
     out.print(f"wrote {output} and {schema}", markup=False, soft_wrap=True)
     out.print(
         "next: replace the values marked ASSUMED, then `armguard check "
-        f"{output}` and `armguard view {output}`",
+        f"{output}` and `armguard serve {output} --rate {rate:g} --view`",
         markup=False,
         soft_wrap=True,
     )
