@@ -13,8 +13,8 @@ from armguard.service.wire import Role
 # Period of the services in tests [s].
 PERIOD = 0.004
 
-# After that long nothing more is waited for [s].
-PATIENCE = 20.0
+# After that long nothing more is waited for, and no answer to a cycle [s].
+PATIENCE, ANSWERED = 20.0, 4.0
 
 
 class Arms:
@@ -44,7 +44,7 @@ class Arms:
                 self.client.claim()
             now = self._now()
             answer = self._obey(
-                self.client.cycle(self.q, desired, self.velocity, now, timeout=PATIENCE)
+                self.client.cycle(self.q, desired, self.velocity, now, timeout=ANSWERED)
             )
         return answer
 

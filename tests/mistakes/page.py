@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from mistakes.calls import CALLS
+from mistakes.clients import CLIENTS
 from mistakes.cycles import CYCLES
 from mistakes.messages import MESSAGES
 from mistakes.motion_file import MOTION_FILE
@@ -31,9 +32,10 @@ DOORS = {
         "Calls between two cycles raise an `ArmguardError`.",
     ),
     "Service": (
-        MESSAGES,
-        "The client raises a `RefusedError`, `Client.refusal` has the sentence of the "
-        "service, or the call `why` has the line of the cycle.",
+        {**MESSAGES, **CLIENTS},
+        "The client raises an `ArmguardError`, `Client.refusal` has the sentence of "
+        "the service, or the call `why` has the line of the cycle. A warning about "
+        "desired motion is the `remark` of `why`; the client logs one about a call.",
     ),
 }
 

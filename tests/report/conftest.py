@@ -40,6 +40,7 @@ class Evening:
         guard: The guard.
         times: When each cycle was judged [s].
         verdicts: Its answers.
+        held: Names of the robots that were held after each cycle.
         frames: What came through the ring.
         file: The recording.
     """
@@ -48,6 +49,7 @@ class Evening:
     guard: Guard
     times: list[float]
     verdicts: list[Verdict]
+    held: list[set[str]]
     frames: list[Frame]
     file: Path
 
@@ -97,6 +99,7 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Evening:
     frames: list[Frame] = []
     times: list[float] = []
     verdicts: list[Verdict] = []
+    held: list[set[str]] = []
     q, v = guard.home.copy(), np.zeros(14)
     for k in range(CYCLES):
         t = k * PERIOD
@@ -121,6 +124,7 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Evening:
         )
         times.append(clock[0])
         verdicts.append(command.verdict)
+        held.append(set(command.held))
         v = command.velocity.copy()
         q = q + v * PERIOD
         if k % 200 == 199 or k == CYCLES - 1:
@@ -131,4 +135,4 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Evening:
     recorder.end()
     ring.close()
     (file,) = folder.glob("recording-*.mcap")
-    return Evening(scene, guard, times, verdicts, frames, file)
+    return Evening(scene, guard, times, verdicts, held, frames, file)

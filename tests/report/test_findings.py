@@ -15,13 +15,15 @@ from armguard.guard.layout import IN_HEADER
 from armguard.guard.nuisance import Cause
 from armguard.recording import open_recording
 from armguard.recording.frames import Kind, text_frame
+from armguard.recording.palette import State, state_of
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.recorder import Recorder, RecorderSettings
 from armguard.recording.ring import RingReader, RingWriter
 from armguard.report import Closeness, findings_of, gather
-from armguard.report.cycles import level_shares, timeline
+from armguard.report.cycles import state_shares, timeline
 from armguard.report.incidents import Sense, sense_of
 from armguard.scene import compile_scene
+from armguard.view.recorded_view import Playback
 
 from .conftest import BEGIN, CYCLES, EVIL, FAULT_AT, GAP, GAP_AT, PERIOD, Evening
 
@@ -52,17 +54,34 @@ def findings(request: pytest.FixtureRequest):
 
 def test_time_at_each_level_is_that_of_the_verdicts(evening: Evening, findings):
     count = Counter(verdict.level for verdict in evening.verdicts)
-    times = findings.series.time_at(findings.series.level)
+    times = findings.series.time_in(findings.series.level)
     assert count[Level.STOP] > 100
     for level in Level:
         assert times[level] == pytest.approx(count[level] * PERIOD, abs=1e-6)
     for r, robot in enumerate(("left", "right")):
         own = Counter(verdict.levels[robot] for verdict in evening.verdicts)
-        times = findings.series.time_at(findings.series.levels[:, r])
+        times = findings.series.time_in(findings.series.levels[:, r])
         for level in Level:
             assert times[level] == pytest.approx(own[level] * PERIOD, abs=1e-6)
     reasons = Counter(verdict.reason for verdict in evening.verdicts)
     assert findings.reasons == reasons
+
+
+def test_time_of_a_hold_is_shown_apart_and_as_on_the_time_line(evening, findings):
+    series = findings.series
+    for r, robot in enumerate(("left", "right")):
+        own = Counter(
+            state_of(verdict.levels[robot], robot in held)
+            for verdict, held in zip(evening.verdicts, evening.held, strict=True)
+        )
+        assert own[State.HELD] > 100
+        times = series.time_in(series.states[:, r])
+        for state in State:
+            assert times[state] == pytest.approx(own[state] * PERIOD, abs=1e-6)
+    moves = np.flatnonzero(np.diff(series.state, prepend=-1))
+    shown = Playback(evening.frames, 2).states
+    assert [state for _, state in shown] == series.state[moves].tolist()
+    assert [at for at, _ in shown] == pytest.approx(series.t[moves])
 
 
 def test_stops_are_where_a_robot_begins_to_stop(evening: Evening, findings):
@@ -240,17 +259,17 @@ def test_a_time_line_loses_no_peak(findings):
         assert np.nanmin(line.headroom) == finite.min()
         assert np.nanmax(line.cycle_time) == series.cycle_time.max()
         assert np.nanmin(line.time_left) == series.time_left.min()
-        assert np.nanmax(line.levels) == series.level.max()
-    assert np.isnan(timeline(series, 1000).levels).any()
+        assert np.nanmax(line.states) == series.state.max()
+    assert np.isnan(timeline(series, 1000).states).any()
 
 
-def test_shares_of_levels_are_those_of_the_whole(findings):
+def test_shares_of_states_are_those_of_the_whole(findings):
     series = findings.series
-    edges, shares = level_shares(series, 200)
-    (whole,) = level_shares(series, 1)[1].T
-    times = series.time_at(series.level)
-    for level, part in zip(Level, whole, strict=True):
-        assert part == pytest.approx(times[level] / series.judged)
+    edges, shares = state_shares(series, 200)
+    (whole,) = state_shares(series, 1)[1].T
+    times = series.time_in(series.state)
+    for state, part in zip(State, whole, strict=True):
+        assert part == pytest.approx(times[state] / series.judged)
     sums = shares.sum(axis=0)
     assert ((np.abs(sums - 1.0) < 1e-9) | (sums == 0.0)).all()
     assert 6 <= (sums == 0.0).sum() <= 8

@@ -109,7 +109,7 @@ def test_every_place_is_there_and_every_link_leads_somewhere(looked: Looked):
         assert found.locator(f"#{name}").count() == 1, name
     for target in found.locator("a").evaluate_all("all => all.map(a => a.hash)"):
         assert found.locator(f"[id='{target[1:]}']").count() == 1, target
-    for name in ("levels", "timeline", "headroom", "times"):
+    for name in ("states", "timeline", "headroom", "times"):
         box = found.locator(f"#plot-{name} .main-svg").first.bounding_box()
         assert box["height"] > 100, name
     assert found.locator(".small-plot").count() == 3

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from armguard import Guard, bay_scene
-from armguard.guard.levels import Level
 from armguard.recording.calls import Engage
 from armguard.recording.frames import Kind, frame_of
+from armguard.recording.palette import State
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.ring import RingReader, RingWriter
 from armguard.view.recorded_view import PIECES, Playback, RecordedView, thinned
@@ -102,11 +102,11 @@ def test_the_time_line_has_the_level_of_a_stop_while_a_robot_is_held(frames):
         for frame, at in zip(cycles, (0, 1, 0), strict=True)
     ]
     before, after = Playback(cycles, 2), Playback(held, 2)
-    assert before.levels[0][1] < Level.STOP and len(before.levels) == 1
-    assert [level for _, level in after.levels] == [
-        before.levels[0][1],
-        Level.STOP,
-        before.levels[0][1],
+    assert before.states[0][1] < State.STOP and len(before.states) == 1
+    assert [state for _, state in after.states] == [
+        before.states[0][1],
+        State.HELD,
+        before.states[0][1],
     ]
     assert after.stops == before.stops == ()
 
@@ -129,8 +129,8 @@ def test_a_recording_opens_at_its_first_stop_and_its_time_line_steers(frames):
         line = json.loads(view.page.newest["timeline"])
         assert line["stops"] == pytest.approx(playback.stops)
         assert line["length"] == pytest.approx(playback.length)
-        assert [at for at, _ in line["levels"]] == [at for at, _ in playback.levels]
-        assert any(level >= Level.STOP for _, level in playback.levels)
+        assert [at for at, _ in line["states"]] == [at for at, _ in playback.states]
+        assert any(state >= State.STOP for _, state in playback.states)
         first = playback.newest.cycle
         for message, cycle in (
             ({"type": "seek", "cycles": -1}, first - 1),
@@ -158,15 +158,15 @@ def test_a_recording_opens_at_its_first_stop_and_its_time_line_steers(frames):
 
 def test_a_long_time_line_keeps_every_stop_and_no_stop_lasts_longer():
     # A stop of a millisecond every second, over three hours.
-    levels = [
-        (float(s) + part, level)
+    states = [
+        (float(s) + part, state)
         for s in range(3 * 3600)
-        for part, level in ((0.0, Level.CLEAR), (0.5, Level.STOP), (0.501, Level.CLEAR))
+        for part, state in ((0.0, State.CLEAR), (0.5, State.STOP), (0.501, State.CLEAR))
     ][: 3 * 3000]
     length = 10800.0
-    short = thinned(levels, length)
+    short = thinned(states, length)
     assert len(short) <= PIECES
-    assert {level for at, level in short if at < 2990.0} == {Level.STOP}
+    assert {state for at, state in short if at < 2990.0} == {State.STOP}
     # After the last of them it is clear to the end.
-    assert short[-1][1] == Level.CLEAR
+    assert short[-1][1] == State.CLEAR
     assert short[-1][0] < 3000.0 + 2 * length / PIECES

@@ -55,7 +55,10 @@ def batch(
     threads: Annotated[int, Option(min=1, help="Threads that answer.")] = 1,
     json: Json = False,
 ) -> None:
-    """Check rows of a file. Exit code 0 all clear, 1 some are not, 2 bad input."""
+    """Check many configurations, the rows of a file.
+
+    Exit code 0 all clear, 1 some are not, 2 bad input.
+    """
     q = read_rows(rows)
     with loading_bar() as progress:
         loaded = load_scene(scene, robot=robot, progress=progress)

@@ -54,7 +54,9 @@ def chaos(
     ] = 0.15,
     json: Json = False,
 ) -> None:
-    """Inject every known fault into a simulated guard; compare expected with observed.
+    """Inject faults into a simulated guard, and check the answers.
+
+    The effect of every known fault is compared with the declared one.
 
     No real robot takes part. Exit code 0 if every fault had its declared effect, 1 if
     one had not.

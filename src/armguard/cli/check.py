@@ -63,7 +63,7 @@ def check(
     prove: Annotated[
         bool,
         Option(
-            help="Prove over the whole joint box what the SRDF and the scene claim of "
+            help="Prove, for all joint positions, what SRDF and scene claim about "
             "pairs of a robot's links."
         ),
     ] = False,

@@ -105,7 +105,10 @@ def init(
     ] = None,
     force: Annotated[bool, Option(help="Replace files that exist.")] = False,
 ) -> None:
-    """Write a commented scene file of one or two robots, and its JSON Schema."""
+    """Write a scene file for your robots.
+
+    The file has comments, and beside it lies its JSON Schema for editors.
+    """
     if len(robot) not in NAMES:
         raise SceneError(
             f"got {len(robot)} robots; give one or two, then add others to the file"
@@ -133,7 +136,7 @@ def init(
     out.print(f"wrote {output} and {schema}", markup=False, soft_wrap=True)
     out.print(
         "next: replace the values marked ASSUMED, then `armguard check "
-        f"{output}` and `armguard view {output}`",
+        f"{output}` and `armguard serve {output} --rate {rate:g} --view`",
         markup=False,
         soft_wrap=True,
     )

@@ -20,7 +20,9 @@ def keys(
         Option(help="Only this role; repeatable: observe, sense, command, administer."),
     ] = None,
 ) -> None:
-    """Write a file with a key for each role, for `serve --key-file` and its clients.
+    """Write a key file for a service and its clients.
+
+    It has a key for each role, see `serve --key-file`.
 
     With --from and --role the file has only the keys that one client needs.
     """

@@ -45,7 +45,7 @@ def replay(
     ] = np.inf,
     json: Json = False,
 ) -> None:
-    """Judge every cycle of a recording again, and compare the results bit by bit.
+    """Judge a recording again, and compare the results bit by bit.
 
     With --set the cycles are judged with other settings and compared with the recorded
     results. Exit codes: 0 all results are equal, 1 a result differs or no cycle could

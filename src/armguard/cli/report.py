@@ -30,7 +30,9 @@ def report(
     ] = 0.0,
     json: Json = False,
 ) -> None:
-    """Write a report about a recording: one HTML page that needs no network.
+    """Write a report about a recording, one HTML page.
+
+    The page needs no network.
 
     With --json the findings are printed, and the page is written only with --out. Exit
     code 0, or 2 for bad input.

@@ -62,7 +62,10 @@ class Options:
         Option(help=f"Response of the robots: {', '.join(CHOICES['kind'])}."),
     ] = None
     ring: Annotated[
-        Path | None, Option(help="File of the ring; in memory if left out.")
+        Path | None,
+        Option(
+            help="File of the ring, for views and recorders; in memory if left out."
+        ),
     ] = None
     record: Annotated[Path | None, Option(help="Folder for recordings.")] = None
     metrics: Annotated[
@@ -116,7 +119,9 @@ class Options:
 
 @with_options(Options)
 def serve(options: Options) -> None:
-    """Run the guard of a scene as a service for controllers and a commander.
+    """Run the guard as a service, for programs in other processes.
+
+    Controllers send measured joints, and a commander the desired motion.
 
     The first line on standard output has the address. Standard error has the log: stops
     as they begin, and each slowing or stop with its duration when it is over. SIGTERM

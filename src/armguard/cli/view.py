@@ -21,7 +21,9 @@ def view(
     ] = 8080,
     key_file: Annotated[Path | None, Option(help="Key file of the service.")] = None,
 ) -> None:
-    """Show a running service in the browser and drive its robots, or play a recording.
+    """Show a running service or a recording in the browser.
+
+    The robots of a running service can be driven there.
 
     The first line on standard output has a link, valid for one browser. After its use
     the next line has a link for another browser.

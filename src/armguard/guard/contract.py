@@ -1,5 +1,6 @@
 """Contact contracts: permitted contacts between two bodies."""
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf, isfinite
@@ -20,9 +21,15 @@ from armguard.guard.grips import (
 )
 from armguard.guard.watch import Watch
 from armguard.scene.gripping import Grasp
+from armguard.scene.objects import length_remark
 from armguard.scene.schema import MOST_CREEP, MOST_OVERLAP, in_other_units
 
 Floats = NDArray[np.float64]
+
+log = logging.getLogger("armguard")
+
+# A permission that lasts longer has probably its expiry on another clock [s].
+DAY = 86400.0
 
 # Defaults of contracts that `allow` requests.
 GRASP = Grasp()
@@ -62,6 +69,8 @@ class Region:
             raise GraspError(
                 f"Region size is {self.size}; it must be 3 finite numbers > 0 [m]"
             )
+        if remark := length_remark("Region size", float(sizes.max())):
+            raise GraspError(remark)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +171,8 @@ class ContractTable:
                 f"'{a}' may touch '{b}' until {until} s; give a time on the clock of "
                 f"the stamps that is later than the last cycle's, {now} s"
             )
+        if remark := expiry_remark(a, b, until, now):
+            log.warning(remark)
         self.grippers.check_modes()
         frame = None if region is None else self._frame(region)
         steady = max(GRASP.intent_speed, speed)
@@ -312,3 +323,20 @@ def check_contact(a: str, b: str, depth: float, speed: float) -> None:
             raise GraspError(
                 f"'{a}' may touch '{b}': {what} {in_other_units(value, unit)}"
             )
+
+
+def expiry_remark(a: str, b: str, until: float, now: float) -> str:
+    """Sentence that a permission seems to expire by another clock or unit, else "".
+
+    Args:
+        a: One body.
+        b: The other body.
+        until: Time of expiry [s].
+        now: Time of now, on the clock of the stamps [s].
+    """
+    if until - now <= DAY:
+        return ""
+    return (
+        f"'{a}' may touch '{b}' for {until - now:.0f} s, more than a day; give until "
+        "in seconds, of the clock of the stamps"
+    )

@@ -50,7 +50,7 @@ class Grippers:
         if robot not in numbers:
             raise GraspError(
                 f"robot '{robot}' has no gripper; give it `gripper: {{link: ..., "
-                "fingers: [...]}}` in the scene"
+                "fingers: [...]}` in the scene"
             )
         self.check_modes()
         g = numbers[robot]

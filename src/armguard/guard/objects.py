@@ -1,5 +1,6 @@
 """Objects placed, moved and removed between two cycles, and their sightings."""
 
+import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf, isfinite
@@ -19,11 +20,13 @@ from armguard.guard.watch import Watch
 from armguard.index import BruteForce, Octree
 from armguard.index.base import Index
 from armguard.index.small_tree import small_tree
-from armguard.scene.objects import warn_of_length
+from armguard.scene.objects import looks_like_millimetres, placement_remark
 from armguard.scene.standing import Standing, object_named
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
+
+log = logging.getLogger("armguard")
 
 # Columns of further points of the shape itself, for kinds whose row has some.
 ENDS = {ShapeKind.CAPSULE: (4,), ShapeKind.TRIANGLE: (4, 7)}
@@ -72,7 +75,8 @@ class Objects:
         world_changed: Callback; the loop measures every pair again.
         standing: The objects with their present shapes, by name.
         changed: Names of objects that were placed or removed since the start.
-        far: Names of objects whose pose the log has named as far away.
+        strange: Names of objects of which the log has named a length that looks like
+            millimetres.
     """
 
     tables: SceneTables
@@ -82,7 +86,7 @@ class Objects:
     world_changed: Callable[[], None]
     standing: dict[str, Standing]
     changed: set[str] = field(default_factory=set)
-    far: set[str] = field(default_factory=set)
+    strange: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         for item in self.standing.values():
@@ -146,9 +150,10 @@ class Objects:
             T = self._take_sighting(name, item, pose, stamp, velocity)
         else:
             T = transform_of(pose)
-        far = float(np.abs(T[:3, 3]).max())
-        if name not in self.far and warn_of_length(f"object '{name}': pose", far):
-            self.far.add(name)
+        remark = placement_remark(name, T, shape)
+        if remark and name not in self.strange:
+            log.warning(remark)
+            self.strange.add(name)
         if item.body >= 0:
             self.holding.check_free(name)
             self.holding.put(name, T)
@@ -199,7 +204,9 @@ class Objects:
         """
         watch, world = self.watch, self.index.world
         if stamp is None:
-            raise SceneError(f"object '{name}' moves: say when it was seen")
+            raise SceneError(
+                f"object '{name}' moves; give the stamp of its sighting [s]"
+            )
         top = float(watch.top_speed[item.first])
         kinds = world.kinds[item.places]
         before = Sighting(float(watch.sighted_at[item.first]), world.rows[item.places])
@@ -228,7 +235,10 @@ def frame_seen(name: str, pose: Pose | ArrayLike) -> Floats:
     try:
         return transform_of(pose)
     except PoseError as error:
-        raise refused(name, Reason.OBJECT_NOT_FINITE, str(error)) from None
+        raise SightingError(
+            f"object '{name}': {error}; give a Pose or a transform (4, 4)",
+            Reason.OBJECT_NOT_FINITE.name,
+        ) from None
 
 
 def velocity_seen(name: str, velocity: ArrayLike | None, top: float) -> Floats:
@@ -242,13 +252,18 @@ def velocity_seen(name: str, velocity: ArrayLike | None, top: float) -> Floats:
         return np.zeros(3)
     found = np.asarray(velocity, dtype=np.float64)
     if found.shape != (3,):
-        raise SceneError(f"object '{name}': velocity must be 3 finite numbers [m/s]")
+        raise SceneError(
+            f"object '{name}': velocity has shape {found.shape}; it must be 3 finite "
+            "numbers [m/s]"
+        )
     if not np.isfinite(found).all():
         says = f"velocity is {found}; it must be 3 finite numbers [m/s]"
         raise refused(name, Reason.OBJECT_NOT_FINITE, says)
     speed = float(np.linalg.norm(found))
     if speed > top:
         says = f"it was seen at {speed:.3f} m/s; its top_speed is {top} m/s"
+        if looks_like_millimetres(speed):
+            says += f"; that looks like millimetres a second, give m/s: {speed / 1e3:g}"
         raise refused(name, Reason.OBJECT_TOO_FAST, says)
     return found
 
@@ -275,7 +290,11 @@ def check_sighting(
         SightingError: The sighting is implausible.
     """
     if not isfinite(now.stamp):
-        raise refused(name, Reason.OBJECT_NOT_FINITE, f"its stamp is {now.stamp}")
+        raise refused(
+            name,
+            Reason.OBJECT_NOT_FINITE,
+            f"its stamp is {now.stamp}; it must be finite [s]",
+        )
     if before.stamp == -inf:
         return
     time = now.stamp - before.stamp

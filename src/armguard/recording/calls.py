@@ -29,10 +29,15 @@ def numbers_in(value: Any) -> Floats | None:
     """Numbers as an array, a pose as its transform; None if there are none."""
     if isinstance(value, Pose):
         return value.matrix()
+    if value is None:
+        return None
     try:
-        return None if value is None else np.array(value, dtype=np.float64)
-    except (TypeError, OverflowError) as error:
-        raise ValueError(str(error)) from None
+        found = np.array(value)
+        if found.dtype.kind in "iufO":
+            return found.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ValueError("it must be numbers")
 
 
 def shape_in(value: Any) -> Shape | None:
@@ -41,7 +46,9 @@ def shape_in(value: Any) -> Shape | None:
         return shape_of(value)
     if value is None or isinstance(value, Shape):
         return value
-    raise ValueError("it must be a kind and its sizes")
+    raise ValueError(
+        "it must be a kind and its sizes, such as {'kind': 'sphere', 'radius': 0.1}"
+    )
 
 
 def region_in(value: Any) -> Region | None:
@@ -54,7 +61,8 @@ def region_in(value: Any) -> Region | None:
         pose = Pose.from_matrix(words["pose"]) if "pose" in words else Pose(**given)
         size = tuple(words["size"])
     except (TypeError, KeyError) as error:
-        raise ValueError(f"it is no region: {error!r}") from None
+        form = "{'size': (x, y, z), 'xyz': (x, y, z)}"
+        raise ValueError(f"it must be a region, such as {form}: {error!r}") from None
     return Region(size=size, pose=pose, frame=words["frame"])
 
 

@@ -1,10 +1,11 @@
-"""Colours of levels and of robots, and the word that goes with each.
+"""States of robots, their colours and words, and the colours of robots.
 
 All but a dark vermillion are of the palette of Okabe and Ito, whose colours differ for
 people with red-green colour blindness; the lightness differs too, and each colour comes
 with its word.
 """
 
+from armguard.errors import NamedNumber
 from armguard.guard.levels import Level
 
 Rgb = tuple[int, int, int]
@@ -19,24 +20,42 @@ GREEN: Rgb = (0, 158, 115)
 BROWN: Rgb = (125, 50, 0)
 BLACK: Rgb = (0, 0, 0)
 
-LEVEL_COLOURS: dict[Level, Rgb] = {
-    Level.CLEAR: SKY,
-    Level.CAUTION: YELLOW,
-    Level.SLOW: ORANGE,
-    Level.STOP: VERMILLION,
-    Level.RECOVER: PURPLE,
-    Level.BRAKE: BROWN,
-    Level.HARDWARE_STOP: BLACK,
+
+class State(NamedNumber):
+    """What pages, plots and reports show of a robot: its level, or that it is held."""
+
+    CLEAR = Level.CLEAR
+    CAUTION = Level.CAUTION
+    SLOW = Level.SLOW
+    STOP = Level.STOP
+    RECOVER = Level.RECOVER
+    HELD = 35
+    """At rest after a stop, until it is released, led away or engaged."""
+    BRAKE = Level.BRAKE
+    HARDWARE_STOP = Level.HARDWARE_STOP
+
+
+# By state, and so by level as well. A robot that is held is stopped.
+STATE_COLOURS: dict[int, Rgb] = {
+    State.CLEAR: SKY,
+    State.CAUTION: YELLOW,
+    State.SLOW: ORANGE,
+    State.STOP: VERMILLION,
+    State.RECOVER: PURPLE,
+    State.HELD: VERMILLION,
+    State.BRAKE: BROWN,
+    State.HARDWARE_STOP: BLACK,
 }
 
-LEVEL_WORDS: dict[Level, str] = {
-    Level.CLEAR: "CLEAR",
-    Level.CAUTION: "CAUTION",
-    Level.SLOW: "SLOW",
-    Level.STOP: "STOP",
-    Level.RECOVER: "BACK OUT",
-    Level.BRAKE: "BRAKE",
-    Level.HARDWARE_STOP: "EMERGENCY STOP",
+STATE_WORDS: dict[int, str] = {
+    State.CLEAR: "CLEAR",
+    State.CAUTION: "CAUTION",
+    State.SLOW: "SLOW",
+    State.STOP: "STOP",
+    State.RECOVER: "BACK OUT",
+    State.HELD: "HELD",
+    State.BRAKE: "BRAKE",
+    State.HARDWARE_STOP: "EMERGENCY STOP",
 }
 
 # Robots differ by tints that no level has.
@@ -50,6 +69,16 @@ ROBOT_TINTS: tuple[Rgb, ...] = (
 FIXTURE: Rgb = (150, 154, 160)
 PLACED: Rgb = (122, 139, 160)
 GRASPABLE: Rgb = (0, 130, 150)
+
+
+def state_of(level: int, held: bool) -> State:
+    """What is shown of robots of a level: at `BRAKE` that they are held is minor.
+
+    Args:
+        level: Their highest level.
+        held: Whether one of them is held.
+    """
+    return State.HELD if held and level < Level.BRAKE else State(level)
 
 
 def hexadecimal(colour: Rgb) -> str:

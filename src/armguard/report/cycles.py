@@ -12,6 +12,7 @@ from armguard.guard.answer import Names
 from armguard.guard.layout import IN_HEADER, IN_NEAR, IN_ROBOT
 from armguard.guard.levels import Level, Reason
 from armguard.recording.frames import Frame
+from armguard.recording.palette import State
 from armguard.report.formatting import duration
 
 Floats = NDArray[np.float64]
@@ -61,7 +62,8 @@ def row_type(robot_count: int, real: str = "f4") -> np.dtype[np.void]:
 
     `t` is the time since the first verdict [s]; `cycle` its number; `cycle_time` [s];
     `answer` the time from the message's receipt to the verdict, NaN if unknown [s];
-    `levels` and `ages` [s] of each robot; `whole` whether all near pairs are recorded.
+    `levels`, `states` and `ages` [s] of each robot, `state` is that of all together;
+    `whole` whether all near pairs are recorded.
     Of type `real` are `time_left`, the time until a stop is ordered, infinite if no
     pair is near [s]; `headroom` and `distance` of the pair with the least headroom [m],
     infinite if no pair is near, NaN if it is not recorded.
@@ -71,6 +73,7 @@ def row_type(robot_count: int, real: str = "f4") -> np.dtype[np.void]:
         [
             *[("t", "f8"), ("cycle", "i8"), ("cycle_time", "f4"), ("answer", "f4")],
             *[("reason", "i1"), ("level", "i1"), ("levels", "i1", robots)],
+            *[("state", "i1"), ("states", "i1", robots)],
             *[("ages", "f4", robots), ("whole", "?")],
             *[("time_left", real), ("headroom", real), ("distance", real)],
         ]
@@ -106,6 +109,9 @@ def block_of(frames: list[Frame], names: Names, begin: float) -> Block:
     rows.reason = head[:, IN_HEADER.reason]
     rows.levels = own[:, :, IN_ROBOT.level]
     rows.level = np.maximum(LEVEL_OF[rows.reason], rows.levels.max(axis=1, initial=0))
+    waits: Any = held_in(frames, robots)
+    rows.states = state_of_each(rows.levels, waits)
+    rows.state = state_of_each(rows.level, waits.any(axis=1))
     rows.ages = own[:, :, IN_ROBOT.age]
     rows.time_left = head[:, IN_HEADER.least_time_left] if robots else np.inf
     rows.headroom = rows.distance = np.inf
@@ -125,6 +131,23 @@ def block_of(frames: list[Frame], names: Names, begin: float) -> Block:
             rows.headroom[k] = np.nan if pair is None else pair[IN_NEAR.headroom]
             rows.distance[k] = np.nan if pair is None else pair[IN_NEAR.distance]
     return Block(frames, rows, np.concatenate(near), np.repeat(np.arange(count), sizes))
+
+
+def held_in(frames: list[Frame], robots: int) -> NDArray[np.bool_]:
+    """Which robots are held in each cycle, shape (k, robots).
+
+    None is held where no motion was requested.
+    """
+    held = np.zeros((len(frames), robots), dtype=np.bool_)
+    for k, frame in enumerate(frames):
+        if len(frame.told):
+            held[k] = np.isfinite(frame.told[-2 * robots : -robots])
+    return held
+
+
+def state_of_each(levels: NDArray[Any], held: NDArray[np.bool_]) -> NDArray[Any]:
+    """State of each level, see `palette.state_of`, in the shape of the arrays."""
+    return np.where(held & (levels < Level.BRAKE), State.HELD, levels)
 
 
 def joined(blocks: list[Rows]) -> Rows:
@@ -176,9 +199,9 @@ class Series:
         """From the first cycle to the end of the last one [s]."""
         return float(self.t[-1] + self.held[-1]) if len(self.t) else 0.0
 
-    def time_at(self, levels: NDArray[np.int8]) -> dict[Level, float]:
-        """Duration of each level in a column of levels [s]."""
-        return {level: float(self.held[levels == level].sum()) for level in Level}
+    def time_in(self, states: NDArray[np.int8]) -> dict[State, float]:
+        """Duration of each state in a column of states, or of levels [s]."""
+        return {state: float(self.held[states == state].sum()) for state in State}
 
 
 def on_one_clock(frames: Iterable[Frame], notes: list[str]) -> Iterator[Frame]:
@@ -210,7 +233,7 @@ class Timeline:
     """The worst value of each bucket; NaN in empty ones."""
 
     edges: Floats  # of the buckets, shape (b + 1,) [s]
-    levels: Floats  # highest one of each robot, or of all, shape (r, b)
+    states: Floats  # highest one of each robot, or of all, shape (r, b)
     headroom: Floats  # least one, shape (b,) [m]
     time_left: Floats  # least time until a stop is ordered, shape (b,) [s]
     cycle_time: Floats  # longest one, shape (b,) [s]
@@ -234,10 +257,10 @@ def timeline(series: Series, buckets: int = BUCKETS) -> Timeline:
         pick.at(found, place, values.astype(np.float64))
         return np.where(np.isfinite(found), found, np.nan)
 
-    levels = series.levels if series.levels.shape[1] else series.level[:, None]
+    states = series.states if series.states.shape[1] else series.state[:, None]
     return Timeline(
         edges=np.linspace(0.0, length, size + 1),
-        levels=np.array([worst(np.maximum, own, -np.inf) for own in levels.T]),
+        states=np.array([worst(np.maximum, own, -np.inf) for own in states.T]),
         headroom=worst(np.fmin, series.headroom, np.inf),
         time_left=worst(np.fmin, series.time_left, np.inf),
         cycle_time=worst(np.fmax, series.cycle_time, -np.inf),
@@ -251,18 +274,18 @@ def least_in_each(values: Floats, bucket: Longs) -> Longs:
     return order[first]
 
 
-def level_shares(series: Series, spans: int) -> tuple[Floats, Floats]:
-    """Share of each level in spans of equal time.
+def state_shares(series: Series, spans: int) -> tuple[Floats, Floats]:
+    """Share of each state in spans of equal time.
 
     Returns:
         Edges of the spans, shape (spans + 1,) [s], and shares of the judged time of
-        each, shape (levels, spans); zero in a span within a gap.
+        each, shape (states, spans); zero in a span within a gap.
     """
     edges = np.linspace(0.0, max(series.duration, 1e-9), spans + 1)
     held = np.array(
         [
             np.histogram(series.t[own], edges, weights=series.held[own])[0]
-            for own in (series.level == level for level in Level)
+            for own in (series.state == state for state in State)
         ]
     )
     whole = held.sum(axis=0)

@@ -11,8 +11,9 @@ import numpy as np
 
 from armguard.guard.answer import Names, names_of
 from armguard.guard.layout import IN_HEADER
-from armguard.guard.levels import Level, Reason
+from armguard.guard.levels import Reason
 from armguard.recording.frames import Frame, Kind
+from armguard.recording.palette import State
 from armguard.recording.recording import Recording, reading
 from armguard.report.cycles import (
     Distribution,
@@ -133,13 +134,13 @@ class Findings:
         return int((self.series.reason >= Reason.NOT_FINITE).sum())
 
     @property
-    def time_at(self) -> list[tuple[str, dict[Level, float]]]:
-        """Time at each level: of all robots together, then of each [s]."""
+    def time_in(self) -> list[tuple[str, dict[State, float]]]:
+        """Time in each state: of all robots together, then of each [s]."""
         series = self.series
-        own = zip(self.robots, series.levels.T, strict=True)
+        own = zip(self.robots, series.states.T, strict=True)
         return [
-            ("all together", series.time_at(series.level)),
-            *((name, series.time_at(levels)) for name, levels in own),
+            ("all together", series.time_in(series.state)),
+            *((name, series.time_in(states)) for name, states in own),
         ]
 
     def ages(self) -> dict[str, Distribution | None]:
@@ -150,7 +151,7 @@ class Findings:
     def to_dict(self) -> dict[str, Any]:
         """All findings as plain values; of the cycles only sums."""
         series, halts = self.series, self.halts
-        (_, together), *own = self.time_at
+        (_, together), *own = self.time_in
         gaps = [(float(series.t[k]), float(series.t[k + 1])) for k in series.gaps]
         return {
             **{name: plain(getattr(self, name)) for name in PLAIN},
@@ -160,8 +161,8 @@ class Findings:
             "cycles": len(series.t),
             "cycles_missing": series.missing,
             "gaps": [{"t": start, "length": end - start} for start, end in gaps],
-            "time_at": plain(together),
-            "time_at_by_robot": plain(dict(own)),
+            "time_in": plain(together),
+            "time_in_by_robot": plain(dict(own)),
             "cycles_by_reason": plain(self.reasons),
             "near_misses": [miss.to_dict() for miss in self.near_misses],
             "stops": [halt.to_dict() for halt in self.stops],

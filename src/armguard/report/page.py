@@ -12,7 +12,7 @@ from plotly.io.json import to_json_plotly
 from plotly.offline import get_plotlyjs
 
 from armguard.errors import StationError
-from armguard.guard.levels import Level
+from armguard.recording.palette import State
 from armguard.recording.recording import reading
 from armguard.report import plots
 from armguard.report.cycles import Distribution, distribution
@@ -31,7 +31,7 @@ from armguard.report.incidents import Sense
 # Sections of the page, and their links at its top.
 PLACES = (
     ("what", "About"),
-    ("levels", "Levels"),
+    ("states", "States"),
     ("timeline", "Time line"),
     ("near", "Near misses"),
     ("stops", "Stops"),
@@ -77,7 +77,7 @@ def page(findings: Findings) -> str:
         figures=figures,
         figures_json=to_json_plotly(figures),
         plotlyjs=get_plotlyjs(),
-        moving=series.held[series.level < Level.STOP].sum(),
+        moving=series.held[series.state < State.STOP].sum(),
         far=series.held[~(series.time_left < plots.LOOKED)].sum(),
         alone=series.held[np.isinf(series.headroom)].sum(),
         older=[int((age > late * (1.0 + 1e-6)).sum()) for age, late in ages],
@@ -216,4 +216,4 @@ TEMPLATES.filters |= {
 }
 TEMPLATES.filters["thousands"] = "{:,}".format
 TEMPLATES.globals |= {"NOTHING": NOTHING, "SHOWN": SHOWN}
-TEMPLATES.globals |= {"Level": Level, "Sense": Sense, "look": plots, "count": count}
+TEMPLATES.globals |= {"State": State, "Sense": Sense, "look": plots, "count": count}

@@ -9,17 +9,16 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from armguard.guard.levels import Level
 from armguard.guard.needs import LOOK_AHEAD
 from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.recording import palette
-from armguard.recording.palette import hexadecimal
+from armguard.recording.palette import State, hexadecimal
 from armguard.report.cycles import (
     Floats,
     Series,
     distribution,
     least_in_each,
-    level_shares,
+    state_shares,
     timeline,
 )
 from armguard.report.findings import Findings
@@ -32,21 +31,22 @@ from armguard.report.formatting import (
 )
 from armguard.report.incidents import NearMiss
 
-COLOURS = {level: hexadecimal(rgb) for level, rgb in palette.LEVEL_COLOURS.items()}
+COLOURS = {state: hexadecimal(rgb) for state, rgb in palette.STATE_COLOURS.items()}
 INK, FAINT, LINE, WHITE = "#1b1f24", "#5b6570", "#d5dae0", "#ffffff"
 BLUE, GREEN = hexadecimal(palette.BLUE), hexadecimal(palette.GREEN)
 VERMILLION, PURPLE = hexadecimal(palette.VERMILLION), hexadecimal(palette.PURPLE)
 
-# Colour of letters on the colour of a level.
+# Colour of letters on the colour of a state.
 LETTERS = {
-    level: WHITE if level >= Level.STOP and level != Level.RECOVER else INK
-    for level in Level
+    state: WHITE if state >= State.STOP and state != State.RECOVER else INK
+    for state in State
 }
 
-# Patterns distinguish the areas of levels in black and white print.
-PATTERNS = dict(zip(Level, ("", ".", "/", "", "\\", "x", "+"), strict=True))
+# Patterns distinguish the areas of states in black and white print, and a hold from a
+# stop.
+PATTERNS = dict(zip(State, ("", ".", "/", "", "\\", "-", "x", "+"), strict=True))
 
-WORDS = {level: level.name.lower().replace("_", " ") for level in Level}
+WORDS = {state: word.lower() for state, word in palette.STATE_WORDS.items()}
 
 # Greatest headroom in plots [mm].
 FARTHEST = 120.0
@@ -54,7 +54,7 @@ FARTHEST = 120.0
 # The guard's prediction horizon: its time left is never greater [s].
 LOOKED = LOOK_AHEAD * SLOW_TIME_DEFAULT * (1.0 - 1e-6)
 
-# Bins of a histogram of times for each power of ten; spans of shares of levels.
+# Bins of a histogram of times for each power of ten; spans of shares of states.
 BINS, SPANS = 16, 120
 
 # Time around a near miss [s], and points of a line in its plot.
@@ -76,9 +76,9 @@ def plots(findings: Findings, drawn: Sequence[NearMiss]) -> dict[str, go.Figure]
         findings: The findings.
         drawn: Near misses with a plot.
     """
-    found = {"plot-levels": level_bars(findings)}
+    found = {"plot-states": state_bars(findings)}
     if unit_of(findings.series.duration)[1] > 1.0:
-        found["plot-history"] = levels_over_time(findings.series)
+        found["plot-history"] = states_over_time(findings.series)
     found["plot-timeline"] = time_line(findings)
     found["plot-time-left"], found["plot-headroom"] = left_histograms(findings.series)
     found["plot-times"] = time_histogram(findings)
@@ -117,26 +117,26 @@ def bars(x: Any, y: Any, colour: Any, hover: str, **options: Any) -> go.Bar:
     return go.Bar(x=x, y=y, **options)
 
 
-def level_bars(findings: Findings) -> go.Figure:
-    """Time at each level: of all robots together, and of each."""
-    columns, judged = findings.time_at, findings.series.judged
+def state_bars(findings: Findings) -> go.Figure:
+    """Time in each state: of all robots together, and of each."""
+    columns, judged = findings.time_in, findings.series.judged
     names = [plot_text(name) for name, _ in columns]
     figure = go.Figure()
-    for level in Level:
-        times, word = [times[level] for _, times in columns], WORDS[level]
+    for state in State:
+        times, word = [times[state] for _, times in columns], WORDS[state]
         if not any(times):
             continue
         shares = [time / judged for time in times]
-        pattern = {"shape": PATTERNS[level], "fgcolor": INK, "fgopacity": 0.22}
+        pattern = {"shape": PATTERNS[state], "fgcolor": INK, "fgopacity": 0.22}
         bar = bars(
             [100.0 * part for part in shares],
             names,
-            COLOURS[level],
+            COLOURS[state],
             f"%{{y}}: {word} %{{customdata[0]}}, %{{customdata[1]}}",
             name=word,
             orientation="h",
             text=[f"{word} {part:.0%}" for part in shares],
-            textfont={"color": LETTERS[level]},
+            textfont={"color": LETTERS[state]},
             customdata=[[duration(time), share(time, judged)] for time in times],
         )
         bar.marker.pattern = pattern | {"fillmode": "overlay", "size": 7}
@@ -146,14 +146,14 @@ def level_bars(findings: Findings) -> go.Figure:
     return styled(figure, 110 + 46 * len(columns), barmode="stack", legend=LEGEND)
 
 
-def levels_over_time(series: Series) -> go.Figure:
-    """Share of each level in spans of a long recording."""
+def states_over_time(series: Series) -> go.Figure:
+    """Share of each state in spans of a long recording."""
     unit, size = unit_of(series.duration)
-    edges, shares = level_shares(series, SPANS)
+    edges, shares = state_shares(series, SPANS)
     figure = go.Figure()
-    for level, own in zip(Level, shares, strict=True):
+    for state, own in zip(State, shares, strict=True):
         if own.any():
-            hover, marker = f"{WORDS[level]} %{{y:.1f}} %", {"color": COLOURS[level]}
+            hover, marker = f"{WORDS[state]} %{{y:.1f}} %", {"color": COLOURS[state]}
             x = middles(edges) / size
             figure.add_trace(bars(x, 100.0 * own, None, hover, marker=marker))
     figure.update_xaxes(title_text=time_title(unit), range=[0, series.duration / size])
@@ -162,15 +162,15 @@ def levels_over_time(series: Series) -> go.Figure:
 
 
 def time_line(findings: Findings) -> go.Figure:
-    """Levels, headroom, time left and cycle time over the whole recording."""
+    """States, headroom, time left and cycle time over the whole recording."""
     line, robots = timeline(findings.series), findings.robots or ("all",)
     unit, size = unit_of(findings.series.duration)
     heights = [0.10 + 0.05 * len(robots), 0.35, 0.22, 0.22]
     figure = make_subplots(
         rows=4, shared_xaxes=True, row_heights=heights, vertical_spacing=0.035
     )
-    for name, levels in zip(robots, line.levels, strict=True):
-        figure.add_trace(level_runs(plot_text(name), levels, line.edges / size), 1, 1)
+    for name, states in zip(robots, line.states, strict=True):
+        figure.add_trace(state_runs(plot_text(name), states, line.edges / size), 1, 1)
     headroom, time_left = line.headroom * 1e3, line.time_left * 1e3
     headroom[headroom > FARTHEST] = time_left[line.time_left >= LOOKED] = np.nan
     times = [clock(t) for t in line.t.tolist()]
@@ -201,7 +201,7 @@ def time_line(findings: Findings) -> go.Figure:
         annotation_position="bottom right",
         annotation_font={"color": VERMILLION},
     )
-    figure.update_yaxes(title_text="level", autorange="reversed", row=1)
+    figure.update_yaxes(title_text="state", autorange="reversed", row=1)
     figure.update_yaxes(title_text="headroom [mm]", row=2)
     figure.update_yaxes(title_text="time left [ms]", row=3)
     figure.update_yaxes(title_text="cycle [µs]", type="log", dtick=1, row=4)
@@ -217,21 +217,21 @@ def lines(x: Floats, y: Floats, hover: str, **options: Any) -> go.Scatter:
     return go.Scatter(x=x, y=y, **options)
 
 
-def level_runs(name: str, levels: NDArray[Any], edges: Floats) -> go.Bar:
-    """Runs of one level as coloured bars, each with its word.
+def state_runs(name: str, states: NDArray[Any], edges: Floats) -> go.Bar:
+    """Runs of one state as coloured bars, each with its word.
 
     Args:
         name: Name of the row.
-        levels: Level from each edge to the next; NaN for none, shape (k,).
+        states: State from each edge to the next; NaN for none, shape (k,).
         edges: Times, shape (k + 1,).
     """
-    # NaN becomes a level that does not exist, so that a gap is one run too.
-    known = np.where(np.isnan(levels), -1, levels).astype(np.int64)
+    # NaN becomes a state that does not exist, so that a gap is one run too.
+    known = np.where(np.isnan(states), -1, states).astype(np.int64)
     starts = np.flatnonzero(np.diff(known, prepend=-2))
     ends = np.append(starts[1:], len(known))
     seen = known[starts] >= 0
     starts, ends = starts[seen], ends[seen]
-    runs = [Level(level) for level in known[starts].tolist()]
+    runs = [State(state) for state in known[starts].tolist()]
     return bars(
         edges[ends] - edges[starts],
         [name] * len(runs),
@@ -240,9 +240,9 @@ def level_runs(name: str, levels: NDArray[Any], edges: Floats) -> go.Bar:
         base=edges[starts],
         orientation="h",
         width=1.0,
-        marker={"color": [COLOURS[level] for level in runs], "line": {"width": 0}},
-        text=[WORDS[level] for level in runs],
-        textfont={"color": [LETTERS[level] for level in runs]},
+        marker={"color": [COLOURS[state] for state in runs], "line": {"width": 0}},
+        text=[WORDS[state] for state in runs],
+        textfont={"color": [LETTERS[state] for state in runs]},
     )
 
 
@@ -271,7 +271,7 @@ def near_miss(series: Series, miss: NearMiss) -> go.Figure:
         hover = f"{name} %{{y:.1f}} mm"
         figure.add_trace(lines(times[points], values[points], hover, line=line), 1, 1)
     edges = np.append(times, min(AFTER, times[-1] + series.period))
-    figure.add_trace(level_runs("level", series.level[first:last], edges), 2, 1)
+    figure.add_trace(state_runs("state", series.state[first:last], edges), 2, 1)
     start, end = max(miss.began - miss.t, -BEFORE), min(miss.ended - miss.t, AFTER)
     # One cycle is wide enough to be seen.
     end = max(end, start + 0.01)

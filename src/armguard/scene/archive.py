@@ -20,6 +20,7 @@ import numpy as np
 from armguard.bounded import shown
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Cylinder as CylinderShape
 from armguard.geometry.shapes import PlacedShape
 from armguard.geometry.shapes.registry import SHAPES
 from armguard.robot.model import (
@@ -55,6 +56,9 @@ PARTS: dict[str, type] = {
         StopTable, StoppingFigures, Surface,
     )
 }  # fmt: skip
+# Links have elements of the same name.
+PARTS["CylinderShape"] = CylinderShape
+NAMES = {part: name for name, part in PARTS.items()}
 
 # Attributes of a scene: arguments of `Scene`, and what is added to one.
 SETTINGS = ("mode", "period", "late", "buffer", "_margin", "index")
@@ -157,11 +161,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         items = [[plain(key), plain(item)] for key, item in value.items()]
         return {KIND: "mapping", "items": items}
-    name = type(value).__name__
-    if PARTS.get(name) is not type(value) or isinstance(value, Enum):
+    name = NAMES.get(type(value), "")
+    if not name or isinstance(value, Enum):
         raise ArchiveError(
-            f"the scene holds a {name}, which only this program knows; a "
-            "recording of it cannot be replayed without it"
+            f"the scene holds a {type(value).__name__}, which only this program knows; "
+            "a recording of it cannot be replayed without it"
         )
     if not is_dataclass(value):
         raise ArchiveError(f"the scene holds a {name}, which is no plain data")

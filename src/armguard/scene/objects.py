@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
@@ -16,6 +17,8 @@ from armguard.scene.meshes import Surface
 from armguard.scene.meshes.surface import CORNERS
 from armguard.scene.schema import BRIEF, TURN
 from armguard.scene.settings import ObjectSettings
+
+Floats = NDArray[np.float64]
 
 log = logging.getLogger("armguard")
 
@@ -132,15 +135,33 @@ def warn_of_length(what: str, length: float) -> bool:
         what: What is so long or so far away.
         length: The length [m].
     """
-    strange = looks_like_millimetres(length)
-    if strange:
-        log.warning(
-            "%s: %g m look like millimetres; give metres: %g",
-            what,
-            length,
-            length * 1e-3,
-        )
-    return strange
+    remark = length_remark(what, length)
+    if remark:
+        log.warning(remark)
+    return bool(remark)
+
+
+def length_remark(what: str, length: float) -> str:
+    """Sentence that a length looks like millimetres; "" if it does not."""
+    if not looks_like_millimetres(length):
+        return ""
+    metres = f"give metres: {length * 1e-3:g}"
+    return f"{what}: {length:g} m look like millimetres; {metres}"
+
+
+def placement_remark(name: str, T: Floats, shape: Shape | None) -> str:
+    """Sentence that a pose or a new shape looks like millimetres, else "".
+
+    Args:
+        name: Name of the object that is placed.
+        T: Its frame in the world, shape (4, 4).
+        shape: Its new shape, None if it keeps the one that it has.
+    """
+    size = 0.0 if shape is None else longest_number(shape)
+    far = float(np.abs(T[:3, 3]).max())
+    return length_remark(f"object '{name}'", size) or length_remark(
+        f"object '{name}': pose", far
+    )
 
 
 def strange_lengths(item: SceneObject) -> dict[str, float]:

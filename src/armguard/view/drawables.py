@@ -18,10 +18,10 @@ from armguard.recording.palette import (
     FIXTURE,
     GRASPABLE,
     GREEN,
-    LEVEL_COLOURS,
-    LEVEL_WORDS,
     PLACED,
     ROBOT_TINTS,
+    STATE_COLOURS,
+    STATE_WORDS,
     Rgb,
 )
 from armguard.view.meshes import link_meshes, primitive_mesh
@@ -321,4 +321,4 @@ def pair_look(pair: NearPair) -> tuple[Rgb, str]:
     level = Level.SLOW if pair.time_left < SLOW_TIME_DEFAULT else Level.CAUTION
     if not pair.headroom >= 0.0:
         level = Level.STOP
-    return LEVEL_COLOURS[level], LEVEL_WORDS[level]
+    return STATE_COLOURS[level], STATE_WORDS[level]

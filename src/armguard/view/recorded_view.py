@@ -11,7 +11,7 @@ import numpy as np
 
 from armguard.guard.levels import Level
 from armguard.recording.frames import Frame, Kind
-from armguard.recording.palette import LEVEL_COLOURS, hexadecimal
+from armguard.recording.palette import STATE_COLOURS, State, hexadecimal, state_of
 from armguard.scene.scene import Scene
 from armguard.view.signals import RATE, SPAN
 from armguard.view.view import View
@@ -37,8 +37,7 @@ class Playback:
 
     Attributes:
         stops: When a robot was stopped [s].
-        levels: When the highest level changed [s], and to which; that of a stop at
-            least while a robot is held.
+        states: When the state of all robots together changed [s], and to which.
         speed: Seconds of the recording in a second [-].
 
     Args:
@@ -57,7 +56,7 @@ class Playback:
         self._cycles: list[Frame] = []
         self._events: list[Frame] = []
         stops: list[float] = []
-        levels: list[tuple[float, Level]] = []
+        states: list[tuple[float, State]] = []
         stopped: tuple[bool, ...] = ()
         every = seen = 0
         for frame in frames:
@@ -67,10 +66,9 @@ class Playback:
             if not len(frame.poses) or not len(frame.verdict):
                 continue
             each = levels_of(frame, robots)
-            level = Level(each[0])
-            shown = max(level, Level.STOP) if any(held_in(frame, robots)) else level
-            if not levels or shown != levels[-1][1]:
-                levels.append((frame.monotonic, shown))
+            state = state_of(each[0], any(held_in(frame, robots)))
+            if not states or state != states[-1][1]:
+                states.append((frame.monotonic, state))
             now = tuple(one >= Level.STOP for one in each)
             if any(
                 a and not b
@@ -87,7 +85,7 @@ class Playback:
         self._start = self._cycles[0].monotonic if self._cycles else 0.0
         self._times = [frame.monotonic - self._start for frame in self._cycles]
         self.stops = tuple(stop - self._start for stop in stops)
-        self.levels = tuple((at - self._start, level) for at, level in levels)
+        self.states = tuple((at - self._start, state) for at, state in states)
         self.speed, self._playing = 1.0, False
         self.go(0.0)
 
@@ -227,31 +225,31 @@ class RecordedView(View):
                 playback.step(int(message["cycles"]))
 
     def _time_line(self) -> dict[str, Any]:
-        """The message of the whole recording: its length, levels and stops."""
+        """The message of the whole recording: its length, states and stops."""
         playback = self.source
-        levels = thinned(playback.levels, playback.length)
+        states = thinned(playback.states, playback.length)
         return {
             "length": playback.length,
-            "levels": [[at, hexadecimal(LEVEL_COLOURS[one])] for at, one in levels],
+            "states": [[at, hexadecimal(STATE_COLOURS[one])] for at, one in states],
             "stops": list(playback.stops[:PIECES]),
             "speeds": list(SPEEDS.items()),
         }
 
 
 def thinned(
-    levels: Sequence[tuple[float, Level]], length: float
-) -> Sequence[tuple[float, Level]]:
-    """Changes of a level that a time line of some length [s] can show.
+    states: Sequence[tuple[float, State]], length: float
+) -> Sequence[tuple[float, State]]:
+    """Changes of a state that a time line of some length [s] can show.
 
-    Of many changes each part of the line keeps its highest level.
+    Of many changes each part of the line keeps its highest state.
     """
-    if len(levels) <= PIECES:
-        return levels
+    if len(states) <= PIECES:
+        return states
     highest = np.zeros(PIECES, dtype=np.int64)
-    ends = [at for at, _ in levels[1:]] + [length]
-    for (at, level), end in zip(levels, ends, strict=True):
+    ends = [at for at, _ in states[1:]] + [length]
+    for (at, state), end in zip(states, ends, strict=True):
         first, last = (int(PIECES * t / length) for t in (at, end))
         own = slice(first, last + 1)
-        highest[own] = np.maximum(highest[own], level)
+        highest[own] = np.maximum(highest[own], state)
     changed = np.flatnonzero(np.diff(highest, prepend=-1))
-    return [(k * length / PIECES, Level(int(highest[k]))) for k in changed.tolist()]
+    return [(k * length / PIECES, State(int(highest[k]))) for k in changed.tolist()]

@@ -8,7 +8,7 @@ from viser import uplot
 
 from armguard.guard.levels import Level
 from armguard.guard.near_pair import NearPair
-from armguard.recording.palette import BLUE, LEVEL_COLOURS, VERMILLION, hexadecimal
+from armguard.recording.palette import BLUE, STATE_COLOURS, VERMILLION, hexadecimal
 from armguard.view.controls import on_value
 from armguard.view.drawables import ABOVE, Drawable, middle_of
 from armguard.view.world import Cycle, World
@@ -50,7 +50,7 @@ SHADED = {
 SHADES = (
     '<div style="font: 12px/1.4 sans-serif; padding: 0 12px 8px; text-align: right">'
     + " ".join(
-        f'<span style="color: {hexadecimal(LEVEL_COLOURS[level])}">■</span> {word}'
+        f'<span style="color: {hexadecimal(STATE_COLOURS[level])}">■</span> {word}'
         for level, word in SHADED.items()
     )
     + "</div>"
@@ -77,7 +77,7 @@ class SignalPlot(Drawable):
         still = np.array([-SPAN, 0.0])
         self._shown = self._range(0.0)
         shades = [
-            uplot.Series(label=word, fill=hexadecimal(LEVEL_COLOURS[level]) + "60")
+            uplot.Series(label=word, fill=hexadecimal(STATE_COLOURS[level]) + "60")
             for level, word in SHADED.items()
         ]
         self._plot = self.gui.add_uplot(

@@ -7,7 +7,13 @@ from typing import Any
 
 from armguard.guard.levels import ORDERED, Level, Reason
 from armguard.guard.verdict import Verdict
-from armguard.recording.palette import LEVEL_COLOURS, LEVEL_WORDS, Rgb, hexadecimal
+from armguard.recording.palette import (
+    STATE_COLOURS,
+    STATE_WORDS,
+    Rgb,
+    hexadecimal,
+    state_of,
+)
 from armguard.respond import Action
 from armguard.respond.command import Blocked, Held
 from armguard.view.world import Cycle
@@ -65,16 +71,16 @@ def state_message(
         Level.STOP if remark else Level.CLEAR,
         Level.CAUTION if changed else Level.CLEAR,
     )
-    waits = bool(held) and level < Level.BRAKE
+    state = state_of(level, bool(held))
     why = sentence(cycle, held, remark, changed)
     full = (command or verdict).explain()
     return {
         "cycle": frame.cycle,
         "level": int(level),
-        "name": "HELD" if waits else level.name,
-        "word": "HELD" if waits else LEVEL_WORDS[level],
-        "colour": hexadecimal(LEVEL_COLOURS[level]),
-        "ink": hexadecimal(ink_on(LEVEL_COLOURS[level])),
+        "name": state.name,
+        "word": STATE_WORDS[state],
+        "colour": hexadecimal(STATE_COLOURS[state]),
+        "ink": hexadecimal(ink_on(STATE_COLOURS[state])),
         "held": bool(held),
         "why": why,
         "explanation": full if full.startswith(why) else f"{why}\n\n{full}",
@@ -116,7 +122,7 @@ def robot_card(cycle: Cycle, name: str, remark: str) -> dict[str, Any]:
         "name": name,
         "level": int(level),
         "shown": int(shown),
-        "colour": hexadecimal(LEVEL_COLOURS[shown]),
+        "colour": hexadecimal(STATE_COLOURS[state_of(level, held is not None)]),
         "word": robot_word(level, action, verdict.speed_scale[name]),
         "blocked": why,
         "urgency": verdict.cues[name].urgency,
@@ -214,7 +220,7 @@ def robot_word(level: Level, action: Action | None, scale: float) -> str:
         scale: Share of the speed that it may have [-].
     """
     if action is None or (action is Action.FOLLOW and level >= Level.STOP):
-        return LEVEL_WORDS[level].lower()
+        return STATE_WORDS[level].lower()
     percent = round(scale * 100)
     if action is Action.FOLLOW and percent < 100:
         return f"{ACTION_WORDS[action]} {percent} %"

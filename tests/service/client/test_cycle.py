@@ -10,7 +10,7 @@ from armguard.errors import NoServiceError, RefusedError
 from armguard.service.wire import Cause, Kind
 from armguard.service.wire.layout import HEADER, HEARTBEAT, SEAL, STATE, WISH
 
-PATIENCE, TOKEN = 20.0, 77
+PATIENCE, ANSWERED, TOKEN = 20.0, 4.0, 77
 Q, V, WANTED = np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]), np.full(3, 0.5)
 
 
@@ -52,7 +52,7 @@ def test_a_cycle_says_what_it_is_given_and_returns_the_answer_to_it(far, client)
                 far.send(far.command(sequence_of(message))),
             ),
         ):
-            answer = client.cycle(Q + shift, WANTED, V, stamp=7.0 + k, timeout=PATIENCE)
+            answer = client.cycle(Q + shift, WANTED, V, stamp=7.0 + k, timeout=ANSWERED)
         assert answer.began == (client.sender, sequence_of(heard[-1]))
         measured = [*(Q + shift), *V]
         assert read(heard[-1], True) == (3, 7.0 + k, measured, TOKEN, [*WANTED])
@@ -114,7 +114,7 @@ def test_what_is_no_vector_of_the_joints_is_refused_and_not_sent(
     with pytest.raises(RefusedError, match=sentence):
         client.cycle(*given)
     with answering(far):
-        answer = client.cycle(Q, WANTED, V, timeout=PATIENCE)
+        answer = client.cycle(Q, WANTED, V, timeout=ANSWERED)
     assert answer.began[1] > sent
 
 
@@ -139,7 +139,7 @@ def test_other_messages_on_the_way_are_no_answer(far, client):
         far.send(far.command(0))
 
     with answering(far, say):
-        answer = client.cycle(Q, WANTED, V, timeout=PATIENCE)
+        answer = client.cycle(Q, WANTED, V, timeout=ANSWERED)
     assert answer.began[1] == client._connection.outbox.sequence
     # Answers to what others asked are not kept either.
     assert client.receive() is None
@@ -164,7 +164,7 @@ def test_an_answer_that_is_too_old_when_it_is_read_is_a_stop(far, client):
     """As when the client's own program paused meanwhile."""
     far.behind = 60_000_000_000
     with answering(far):
-        answer = client.cycle(Q, WANTED, V, timeout=PATIENCE)
+        answer = client.cycle(Q, WANTED, V, timeout=ANSWERED)
     assert answer.cause is Cause.NO_ANSWER
     assert (answer.velocity == 0.0).all() and (answer.position == Q).all()
 
@@ -181,7 +181,7 @@ def test_positions_of_arms_are_unknown_before_a_client_sends_them(far, observer)
 
 def test_the_last_word_of_a_service_is_a_stop(far, client):
     with answering(far):
-        client.cycle(Q, WANTED, V, timeout=PATIENCE)
+        client.cycle(Q, WANTED, V, timeout=ANSWERED)
     far.say(Kind.BYE)
     assert client.cycle(Q, WANTED, V, timeout=0.0).cause is Cause.SERVICE_GONE
     client.close()

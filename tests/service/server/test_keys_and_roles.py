@@ -25,7 +25,7 @@ from armguard.service.wire.layout import (
     MOST,
     NO_COOKIE,
 )
-from service_arms import PATIENCE, Arms, until, wait_for
+from service_arms import ANSWERED, PATIENCE, Arms, until, wait_for
 
 STILL = np.zeros(14)
 WISH = np.full(14, 0.02)
@@ -130,8 +130,8 @@ def test_a_client_sleeps_until_a_service_that_starts_has_written_its_keys(monkey
             raise NoServiceError("no keys yet")
         return keys, "here"
 
-    monkeypatch.setattr("armguard.service.client.client.found_keys", found_keys)
-    monkeypatch.setattr("armguard.service.client.client.sleep", sleeps.append)
+    monkeypatch.setattr("armguard.service.wire.keys.found_keys", found_keys)
+    monkeypatch.setattr("armguard.service.wire.keys.sleep", sleeps.append)
     with pytest.raises(NoServiceError, match="no service answers"):
         Client(port=2).connect(timeout=0.2)
     assert len(looks) == 4
@@ -283,7 +283,7 @@ def test_desired_motion_that_comes_late_is_counted_and_not_obeyed(served, delay)
         keys = keys_path(served.port)
         try:
             with (
-                Client(relay.port, keys=keys, watchdog=PATIENCE) as operator,
+                Client(relay.port, keys=keys, watchdog=ANSWERED) as operator,
                 served.client(role=Role.ADMINISTER) as administrator,
             ):
                 operator.connect(PATIENCE)

@@ -1,23 +1,35 @@
 """A client of the service: controller, commander, observer, or all of them."""
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
-from time import monotonic, monotonic_ns, sleep
+from time import monotonic, monotonic_ns
 from typing import Any, Self
 
 from numpy.typing import ArrayLike
 
-from armguard.errors import NoServiceError, RefusedError, known_names
+from armguard.errors import NoServiceError, RefusedError
 from armguard.service.client.answer import NANO, Answer, words
-from armguard.service.client.connection import numbers_of
+from armguard.service.client.arguments import (
+    LONG_ANSWER,
+    LONG_REPLY,
+    MOST_EVERY,
+    PORTS,
+    names_of,
+    numbers_of,
+    role_of,
+    seconds_of,
+    text_of,
+    twist_rows,
+    whole_number_of,
+)
 from armguard.service.client.exchange import Exchange, request_of
 from armguard.service.client.welcome import Welcome
 from armguard.service.wire import Cause, Form, Keys, Kind, Role
-from armguard.service.wire.keys import found_keys, key_of
-from armguard.service.wire.layout import CLAIM, GIVE_BACK, HELLO, NO_COOKIE, TWIST, WISH
+from armguard.service.wire.keys import awaited_key
+from armguard.service.wire.layout import CLAIM, GIVE_BACK, HELLO, NO_COOKIE, WISH
 
-# A key file that is not there yet is looked for that often [s].
-KEYS_EVERY = 0.02
+log = logging.getLogger("armguard.client")
 
 # A refusal explains a missing answer for that long [s].
 RECENT = 0.5
@@ -64,9 +76,11 @@ class Client(Exchange):
         name: str = "",
         every: int = 1,
     ) -> None:
-        super().__init__((host, port), watchdog)
-        self._role, self._keys = role, keys
-        self._name, self._every = name.encode()[:64], every
+        port = whole_number_of(port, "port", 1, PORTS)
+        super().__init__((text_of(host, "host"), port), watchdog)
+        self._role, self._keys = role_of(role), keys
+        self._name = text_of(name, "name").encode()[:64]
+        self._every = whole_number_of(every, "every", 0, MOST_EVERY)
         # A call that is sent again has the same number, and is not done again.
         self._call_number = 0
 
@@ -110,10 +124,10 @@ class Client(Exchange):
             RefusedError: The service has no room for another client.
         """
         words()
+        end = monotonic() + seconds_of(timeout, "timeout", LONG_REPLY)
         self.close()
         self._forget()
-        end = monotonic() + timeout
-        key, source = self._key(end)
+        key, source = awaited_key(self._keys, self.port, self._role, end)
         self._connection.open(key)
         for done in (
             lambda: self._cookie != NO_COOKIE,
@@ -132,28 +146,6 @@ class Client(Exchange):
                 f"'{self._role.word}' is not the one in {source}; its log says which"
             )
         return self.welcome
-
-    def _key(self, end: float) -> tuple[bytes, str]:
-        """The key of this client's role, and where it came from.
-
-        A service that starts writes its keys first.
-
-        Args:
-            end: Until when to wait for them, on the monotonic clock [s].
-
-        Raises:
-            NoServiceError: No service of this user has written keys for that port.
-            KeyFileError: The file cannot be used, or has no such key.
-        """
-        while True:
-            try:
-                keys, source = found_keys(self._keys, self.port)
-                break
-            except NoServiceError:
-                if monotonic() >= end:
-                    raise
-                sleep(KEYS_EVERY)
-        return key_of(self._role, keys, source), source
 
     def send_state(
         self,
@@ -178,8 +170,8 @@ class Client(Exchange):
             RefusedError: A robot is not there, or an array has another number of
                 joints.
         """
-        if robots is not None and not isinstance(robots, str):
-            robots = tuple(robots)
+        if robots is not None:
+            robots = names_of(robots, "a robot")
         state = self._state(robots, velocity is not None, False)
         now = monotonic_ns()
         when = now * NANO + self.clock.offset if stamp is None else stamp
@@ -197,6 +189,8 @@ class Client(Exchange):
             RefusedError: Another client has it, or this one's role may not.
             NoServiceError: The service does not answer.
         """
+        self.check_connected()
+        timeout = seconds_of(timeout, "timeout", LONG_REPLY)
 
         def claim() -> None:
             self._grant = None
@@ -250,17 +244,9 @@ class Client(Exchange):
             twists: By tool, see `Guard.filter_twists`, shape (6,) [m/s], [rad/s].
 
         Raises:
-            RefusedError: There is no such tool.
+            RefusedError: There is no such tool, or a twist is no six numbers.
         """
-        tools, rows = self.welcome.tools, []
-        for name, twist in twists.items():
-            if name not in tools:
-                known = known_names(tools, 12)
-                raise RefusedError(f"the scene has no tool '{name}'; {known}")
-            what, parts = f"the twist of '{name}'", "of vx, vy, vz, wx, wy, wz"
-            six = numbers_of(twist, what, TWIST - 1, parts)
-            rows.append([tools.index(name), *six])
-        self._send_desired(Form.TWISTS, rows)
+        self._send_desired(Form.TWISTS, twist_rows(twists, self.welcome.tools))
 
     def cycle(
         self,
@@ -289,6 +275,8 @@ class Client(Exchange):
                 only, another client has the command.
         """
         connection = self._connection
+        if timeout is not None:
+            timeout = seconds_of(timeout, "timeout", LONG_ANSWER)
         if not self._claimed:
             self.claim()
             self._claimed = True
@@ -319,6 +307,8 @@ class Client(Exchange):
 
     def receive(self, timeout: float = 0.0) -> Answer | None:
         """The next answer that came in; None if there is none in time."""
+        if timeout:
+            timeout = seconds_of(timeout, "timeout", LONG_REPLY)
         self._drain()
         if not self._answers and timeout > 0.0:
             self._wait(lambda: bool(self._answers), timeout)
@@ -351,9 +341,11 @@ class Client(Exchange):
             arguments: Its arguments; poses as `Pose` or transforms (4, 4).
 
         Raises:
-            RefusedError: The service refused; its sentence says why.
+            RefusedError: The service refused, or an argument cannot be sent.
             NoServiceError: It does not answer.
         """
+        self.check_connected()
+        timeout = seconds_of(timeout, "timeout", LONG_REPLY)
         connection = self._connection
         self._call_number += 1
         self._reply = {}
@@ -367,12 +359,19 @@ class Client(Exchange):
         if not self._ask(ask, lambda: self._reply, timeout):
             raise NoServiceError(f"the service does not answer the call '{call}'")
         reply = self._reply
+        if remark := reply.get("remark"):
+            log.warning("%s: %s", call, remark)
         if reply["ok"]:
             return reply["result"]
         raise RefusedError(reply["sentence"], reply["error"], reply.get("reason", ""))
 
     def stop(self) -> None:
-        """Order a stop of all robots; every client may."""
+        """Order a stop of all robots; every client may.
+
+        Raises:
+            NoServiceError: `connect` has not succeeded yet.
+        """
+        self.check_connected()
         self._connection.say(Kind.STOP)
 
     def close(self) -> None:

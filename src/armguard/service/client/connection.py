@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.errors import NoServiceError, RefusedError, known_names
 from armguard.service.client.answer import CAUSES, NANO, Answer
+from armguard.service.client.arguments import numbers_of
 from armguard.service.client.welcome import NOTHING, Welcome
 from armguard.service.wire import Form, Kind, Outbox, Seal
 from armguard.service.wire.layout import (
@@ -326,56 +327,24 @@ class StateMessage:
         except TypeError:
             said = f"stamp is {brief(stamp)}; it must be a number [s]"
             raise RefusedError(said) from None
-        if desired is not None:
+        # Without numbers here those of the last message would be sent again.
+        if self._desired is not None:
             self._token[0] = token
         try:
             self._q[:] = q
             if velocity is not None:
                 self._velocity[:] = velocity
-            if desired is not None:
+            if self._desired is not None:
                 self._desired[:] = desired
         except (TypeError, ValueError, NotImplementedError):
             self._convert(self._q, q, "q")
             if velocity is not None:
                 self._convert(self._velocity, velocity, "velocity")
-            if desired is not None:
+            if self._desired is not None:
                 self._convert(self._desired, desired, "the desired motion")
         self._seal.put(self._message)
         return self._message
 
-    def _convert(self, row: Any, values: ArrayLike, name: str) -> None:
+    def _convert(self, row: Any, values: ArrayLike | None, name: str) -> None:
         """Write numbers of another kind."""
         row[:] = numbers_of(values, name, self._joints)
-
-
-def numbers_of(
-    values: ArrayLike,
-    name: str,
-    count: int | None = None,
-    parts: str = "joint, in the order of Welcome.names",
-) -> Floats:
-    """An array of real numbers.
-
-    Args:
-        values: The array, in any form.
-        name: What it is, for messages.
-        count: How many numbers it must have; any if None.
-        parts: What each number is for, for messages.
-
-    Raises:
-        RefusedError: It holds other values, or has another shape.
-    """
-    try:
-        array = np.asarray(values)
-        if array.dtype.kind not in "biufO":
-            raise TypeError
-        numbers = array.astype(np.float64)
-    except (TypeError, ValueError):
-        said = f"{name} is {brief(values)}; it must be real numbers"
-        raise RefusedError(said) from None
-    if count is not None and numbers.shape != (count,):
-        raise RefusedError(
-            f"{name} has shape {numbers.shape}; it must be ({count},), one for "
-            f"each {parts}"
-        )
-    return numbers

@@ -5,14 +5,16 @@ import struct
 from collections import deque
 from collections.abc import Callable, Mapping
 from math import inf
+from reprlib import repr as brief
 from time import monotonic, monotonic_ns
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.errors import NoServiceError
+from armguard.errors import NoServiceError, RefusedError
 from armguard.service.client.answer import NANO, Answer, stop_answer
+from armguard.service.client.arguments import text_of, watchdog_of
 from armguard.service.client.clock import ServiceClock
 from armguard.service.client.connection import Connection, StateMessage
 from armguard.service.client.welcome import NOTHING, Welcome, read_welcome
@@ -53,7 +55,7 @@ class Exchange:
     """
 
     def __init__(self, address: tuple[str, int], watchdog: float) -> None:
-        self._limit = watchdog
+        self._limit = watchdog_of(watchdog)
         self._connection = Connection(address)
         self._forget()
 
@@ -90,9 +92,18 @@ class Exchange:
         Raises:
             NoServiceError: `connect` has not succeeded yet.
         """
+        self.check_connected()
+        assert self._welcome is not None
+        return self._welcome
+
+    def check_connected(self) -> None:
+        """Raise an error if no service has described itself yet.
+
+        Raises:
+            NoServiceError: `connect` has not succeeded yet.
+        """
         if self._welcome is None:
             raise NoServiceError("not connected: call connect() first")
-        return self._welcome
 
     @property
     def connected(self) -> bool:
@@ -292,15 +303,31 @@ class Exchange:
 
 
 def request_of(number: int, call: str, arguments: Mapping[str, Any]) -> bytes:
-    """The JSON of a call, by the number of the call."""
-    request = {"id": number, "call": call, "arguments": arguments}
-    return json.dumps(request, default=as_json).encode()
+    """The JSON of a call, by the number of the call.
+
+    Raises:
+        RefusedError: The call is no text, or an argument cannot be sent.
+    """
+    request = {"id": number, "call": text_of(call, "a call"), "arguments": arguments}
+    try:
+        return json.dumps(request, default=as_json).encode()
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RefusedError(f"call '{call}' cannot be sent: {error}") from None
 
 
 def as_json(value: Any) -> Any:
-    """Poses and arrays, for which JSON has no word."""
+    """Poses, arrays and shapes, for which JSON has no word."""
     if hasattr(value, "matrix"):
         return value.matrix().tolist()
     if hasattr(value, "tolist"):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} cannot be sent")
+    # A client without shapes does not load their kernels.
+    from armguard.geometry.shapes import Shape
+    from armguard.recording.shape_words import words_of
+
+    if isinstance(value, Shape):
+        return words_of(value)
+    raise TypeError(
+        f"{brief(value)} is a {type(value).__name__}; give numbers, text, a Pose, an "
+        "array or a shape"
+    )

@@ -4,14 +4,17 @@ import json
 import logging
 import time
 from collections.abc import Callable
+from reprlib import repr as brief
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from armguard.errors import ArmguardError, RefusedError, UnknownNameError, did_you_mean
+from armguard.guard.contract import expiry_remark
 from armguard.guard.levels import Reason
 from armguard.recording.calls import (
     CALLS,
+    Allow,
     Call,
     Configure,
     Engage,
@@ -24,6 +27,7 @@ from armguard.recording.calls import (
     Reset,
     Why,
 )
+from armguard.scene.objects import placement_remark
 from armguard.service.server.context import Context
 from armguard.service.server.peers import Peer
 from armguard.service.wire import Cause, Role
@@ -87,8 +91,11 @@ class Calls:
             Whether it was done, and the reply.
         """
         try:
-            result = self._answer(permitted(request, peer.role, commands), peer)
-            return True, json.dumps({"ok": True, "result": result}).encode()
+            call = permitted(request, peer.role, commands)
+            reply = {"ok": True, "result": self._answer(call, peer)}
+            if remark := self._remark_on(call):
+                reply["remark"] = remark
+            return True, json.dumps(reply).encode()
         except Exception as error:  # whatever it is, the loop goes on
             return False, refusal(error)
 
@@ -125,6 +132,19 @@ class Calls:
                 return {"cycle": judge.guard.cycle}
         raise NotImplementedError(call.call)
 
+    def _remark_on(self, call: Call) -> str:
+        """A sentence if a call that was done looks like a mistake, else ""."""
+        now = time.monotonic()
+        match call:
+            case Place() if call.pose is not None:
+                found = self._context.judge.scene.objects[call.name]
+                return placement_remark(call.name, call.pose, call.shape) or (
+                    age_remark(call.name, call.stamp, now, found.stale)
+                )
+            case Allow() if call.until is not None:
+                return expiry_remark(call.a, call.b, call.until, now)
+        return ""
+
     def _place(self, peer: Peer, call: Place) -> None:
         """Place an object.
 
@@ -136,7 +156,7 @@ class Calls:
         if stamp is not None and stamp > now + AHEAD * 1e-9:
             raise RefusedError(
                 f"'{name}' was seen at {stamp:.3f} s, which is ahead of the service's "
-                f"clock; stamps are on that clock, see Client.clock",
+                f"clock; give seconds of that clock, see Client.clock",
                 reason=Reason.OBJECT_AHEAD.name,
             )
         if stamp is not None and stamp > now:
@@ -233,15 +253,42 @@ def permitted(request: Request, role: Role, commands: bool) -> Call:
     try:
         return made.model_validate(request.arguments)
     except ValidationError as error:
-        found = error.errors(include_url=False)[0]
-        why = found.get("ctx", {}).get("error")
-        if isinstance(why, ArmguardError):
-            raise why from None
-        where = ".".join(map(str, found["loc"]))
-        takes = ", ".join(made.model_fields) or "nothing"
-        raise RefusedError(
-            f"call '{name}' takes {takes}; {where}: {found['msg']}"
-        ) from None
+        raise wrong_argument(made, error) from None
+
+
+def age_remark(name: str, stamp: float | None, now: float, stale: float | None) -> str:
+    """Sentence that a sighting was too old when it came, else "".
+
+    Args:
+        name: Name of the object.
+        stamp: When it was seen [s].
+        now: The present, on the same clock [s].
+        stale: Age from which on sightings of it are refused; None for no limit [s].
+    """
+    if stamp is None or stale is None or now - stamp <= stale:
+        return ""
+    return (
+        f"object '{name}' was seen {now - stamp:.3f} s ago, and its stale is {stale:g} "
+        "s: cycles stop; give the stamp of a newer sighting, see Client.clock"
+    )
+
+
+def wrong_argument(made: type[Call], error: ValidationError) -> ArmguardError:
+    """The error of a call with other arguments than it takes."""
+    found = error.errors(include_url=False)[0]
+    why = found.get("ctx", {}).get("error")
+    if isinstance(why, ArmguardError):
+        return why
+    where = found["loc"][0]
+    if found["type"] == "missing":
+        fault = f"'{where}' is missing"
+    elif found["type"] == "extra_forbidden":
+        fault = f"there is no argument '{where}'"
+    else:
+        must = str(why) if why else found["msg"].replace("Input should", "it must")
+        fault = f"{where} is {brief(found['input'])}; {must}"
+    takes = ", ".join(made.model_fields) or "nothing"
+    return RefusedError(f"{fault}; call '{made.call}' takes {takes}")
 
 
 def refusal(error: Exception) -> bytes:

@@ -6,6 +6,8 @@ import stat
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from reprlib import repr as brief
+from time import monotonic, sleep
 
 from armguard.errors import KeyFileError, NoServiceError
 from armguard.recording.rights import Role
@@ -19,6 +21,9 @@ MOST_FILE = 4096
 
 # Permission bits of others than the owner.
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+# A key file that is not there yet is looked for that often [s].
+KEYS_EVERY = 0.02
 
 # Names the key file of clients that are given none.
 VARIABLE = "ARMGUARD_KEYS"
@@ -101,7 +106,10 @@ def read_keys(path: Path) -> dict[Role, bytes]:
                 raise KeyFileError(f"others may read {path}; run: chmod 600 {path}")
             text = file.read(MOST_FILE + 1)
     except OSError as error:
-        raise KeyFileError(f"{path}: cannot read keys: {error.strerror}") from error
+        raise KeyFileError(
+            f"{path}: cannot read keys: {error.strerror}; give the file that the "
+            "service has written, or the one of its --key-file"
+        ) from error
     return parsed(path, text)
 
 
@@ -153,6 +161,10 @@ def found_keys(keys: Keys | str | Path | None, port: int) -> tuple[Keys, str]:
     """
     if isinstance(keys, Mapping):
         return keys, "the keys that were passed"
+    if not isinstance(keys, str | Path | None):
+        raise KeyFileError(
+            f"keys is {brief(keys)}; give the path of a key file, or a key by role"
+        )
     own = keys_path(port)
     path = Path(keys or os.environ.get(VARIABLE) or own)
     if path == own and not own.exists():
@@ -161,6 +173,33 @@ def found_keys(keys: Keys | str | Path | None, port: int) -> tuple[Keys, str]:
             f"key file {own}; for one of another user or machine pass its keys"
         )
     return read_keys(path), str(path)
+
+
+def awaited_key(
+    keys: Keys | str | Path | None, port: int, role: Role, end: float
+) -> tuple[bytes, str]:
+    """The key of a client's role, and where it came from.
+
+    A service that starts writes its keys first.
+
+    Args:
+        keys: See `found_keys`.
+        port: Port of the service.
+        role: The role.
+        end: Until when to wait for the keys, on the monotonic clock [s].
+
+    Raises:
+        NoServiceError: No service of this user has written keys for that port.
+        KeyFileError: The file cannot be used, or has no such key.
+    """
+    while True:
+        try:
+            found, source = found_keys(keys, port)
+            return key_of(role, found, source), source
+        except NoServiceError:
+            if monotonic() >= end:
+                raise
+            sleep(KEYS_EVERY)
 
 
 def key_of(role: Role, keys: Keys, source: str) -> bytes:

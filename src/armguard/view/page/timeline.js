@@ -1,4 +1,4 @@
-// The time line of a recording, across the page below the picture: levels as colours,
+// The time line of a recording, across the page below the picture: states as colours,
 // stops as marks. A click or a drag goes there; the buttons play, step and jump.
 "use strict";
 const makeTimeLine = (say) => {
@@ -14,7 +14,7 @@ const makeTimeLine = (say) => {
   const levels = make("canvas", "levels", track);
   const cursor = make("div", "cursor", track);
   const at = make("div", "at", box);
-  let line = null; // length, levels and stops of the recording
+  let line = null; // length, states and stops of the recording
 
   const button = (id, text, title, message) => {
     const made = make("button", id, buttons);
@@ -46,8 +46,8 @@ const makeTimeLine = (say) => {
     [levels.width, levels.height] = [width, height];
     const pen = levels.getContext("2d");
     const place = (t) => (t / Math.max(line.length, 1e-9)) * width;
-    line.levels.forEach(([begin, colour], k) => {
-      const end = k + 1 < line.levels.length ? line.levels[k + 1][0] : line.length;
+    line.states.forEach(([begin, colour], k) => {
+      const end = k + 1 < line.states.length ? line.states[k + 1][0] : line.length;
       pen.fillStyle = colour;
       pen.fillRect(place(begin), 0.25 * height, Math.max(place(end) - place(begin), 1), 0.75 * height);
     });
