@@ -57,7 +57,7 @@ def ready_fit(key: str, link: Link) -> FittedLink | None:
         if row is not None:
             try:
                 return proven_fit(row, link)
-            except (ArmguardError, IndexError, QhullError):
+            except (ArmguardError, IndexError, ValueError, QhullError):
                 return None
     return None
 
@@ -74,6 +74,7 @@ def proven_fit(row: Mapping[str, Any], link: Link) -> FittedLink | None:
         MeshError: A mesh cannot be read.
         ShapeError: The hull has no corner.
         IndexError: The mesh lacks a corner.
+        ValueError: The link has more or fewer meshes.
         QhullError: The hull is flat.
     """
     shapes = tuple(map(as_shape, row["shapes"]))
