@@ -2,8 +2,8 @@
 
 python release/make_fits.py FOLDER [ROW ...]
 
-FOLDER has a checkout for each row of release/descriptions.yaml. All rows take half an
-hour of processor time; fits in the cache are not made again.
+FOLDER has a checkout for each row of release/descriptions.yaml. Fits in the cache are
+not made again.
 """
 
 import json
