@@ -2,9 +2,8 @@
 
 make dist
 
-Compiles for x86-64-v3 what a guard, a service and the demo need, and fits all robots by
-name, about four minutes of processor time. Writes dist/armguard-*.whl for this version
-of Python.
+Compiles for x86-64-v3 what a guard, a service, the demo and fits need, about three
+minutes of processor time. Writes dist/armguard-*.whl for this version of Python.
 """
 
 import importlib
@@ -27,9 +26,6 @@ PLATFORM = "manylinux_2_28_x86_64"
 # What the wheel is made of.
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE")
 
-# Where the package looks for fits of robots by name.
-READY_FITS = Path("src", "armguard", "robot", "ready_fits")
-
 # What the service, the simulated arms and meshes need besides.
 PROGRAMS = (
     ("demo", "--headless", "--seconds", "1"),
@@ -51,16 +47,13 @@ def compile_kernels() -> None:
         subprocess.run([sys.executable, "-m", "armguard", *arguments], check=True)
 
 
-def fit_robots() -> None:
-    """Fit every robot by name, into the cache of the build."""
-    from armguard.robot.named import ROBOTS
-    from armguard.scene import Scene
-    from armguard.scene.compile import compile_scene
+def fit_links() -> None:
+    """Fit the links of a robot whose meshes need all kernels of fits."""
+    from armguard.robot import find_named_robot, load_urdf
+    from armguard.robot.fitting import fit_link
 
-    for name in ROBOTS:
-        scene = Scene()
-        scene.add_robot(name, name=name)
-        compile_scene(scene)
+    for link in load_urdf(find_named_robot("xarm7").urdf).links.values():
+        fit_link(link)
 
 
 def emitted_kernels() -> Iterator[Any]:
@@ -101,7 +94,6 @@ def stage() -> Path:
         code = kernel._cache.kept()
         if code:
             write_ready(folder / kernel._cache.name, code)
-    shutil.copytree(BUILD / "cache" / "fits", tree / READY_FITS)
     return tree
 
 
@@ -128,10 +120,9 @@ def main() -> None:
     os.environ["NUMBA_CPU_NAME"] = "x86-64-v3"
     os.environ["NUMBA_CPU_FEATURES"] = ""
     os.environ["ARMGUARD_CACHE"] = str(BUILD / "cache")
-    # What an earlier build has fitted needs no kernels, and the wheel would lack them.
     shutil.rmtree(BUILD / "cache", ignore_errors=True)
     compile_kernels()
-    fit_robots()
+    fit_links()
     build(stage())
 
 

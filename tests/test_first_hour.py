@@ -1,12 +1,6 @@
-"""Nine arms from a URDF to a guarded loop; Pinocchio and Coal judge their meshes.
-
-The fits of all nine take a minute, so `make test` runs four of them. All nine:
-
-    FIRST_HOUR=all make test ARGS=tests/test_first_hour.py
-"""
+"""Nine arms from a URDF to a guarded loop; Pinocchio and Coal judge their meshes."""
 
 import json
-import os
 import re
 from dataclasses import replace
 from importlib import import_module
@@ -25,7 +19,6 @@ from armguard.robot.named import robots_folder
 from armguard.scene.allowed import allowed_pairs
 
 FOLDER = Path(__file__).parents[1] / "examples" / "first_hour"
-QUICK = ("panda", "so100", "ur5", "z1")
 NAMES = ("kinova", "panda", "so100", "so101", "ur3", "ur5", "ur10", "xarm7", "z1")
 
 # Postures of the motion without the guard.
@@ -160,7 +153,7 @@ def test_the_example_has_nine_arms(example):
     assert set(example.ARMS) == set(NAMES)
 
 
-@pytest.mark.parametrize("name", NAMES if os.environ.get("FIRST_HOUR") else QUICK)
+@pytest.mark.parametrize("name", NAMES)
 def test_an_arm_is_guarded_within_eight_lines(name, example, tmp_path):
     hour = example.first_hour(name, tmp_path)
     assert hour.lines <= 8

@@ -186,3 +186,21 @@ def test_a_scene_file_takes_figures_of_a_recognised_arm(tmp_path: Path) -> None:
     assert robot.stopping is not None
     assert robot.stopping.deceleration[0] == 4.0
     assert [robot.home[joint] for joint in row["joints"]] == row["home"]
+
+
+def test_every_arm_has_a_home_and_open_fingers_where_it_has_some(
+    tmp_path: Path,
+) -> None:
+    assert all(len(row["home"]) == len(row["joints"]) for row in ARMS.values())
+    row = ARMS["fr3"]
+    path = write_arm(
+        tmp_path,
+        [*row["joints"], "fr3_finger_joint1"],
+        [*row["lengths"], 0.1],
+        prefix="left_",
+    )
+    scene = Scene()
+    scene.add_robot(path, name="arm")
+    home = scene.robots["arm"].home
+    assert home["left_fr3_finger_joint1"] == 0.035
+    assert home["left_fr3_joint4"] == -2.3562

@@ -28,7 +28,7 @@ class KnownArm:
         title: Maker and type.
         family: Family of its stopping figures.
         joints: Its joints, from the base to the hand, as the robot names them.
-        home: A home by joint, empty if none is known [rad or m].
+        home: A home by joint, with the fingers that the robot has open [rad or m].
     """
 
     name: str
@@ -61,7 +61,10 @@ def known_arms(model: RobotModel) -> tuple[KnownArm, ...]:
                 continue
             miss = float(np.abs(np.subtract(lengths, row["lengths"])).max())
             if miss <= LENGTH_TOLERANCE:
-                home = dict(zip(joints, map(float, row.get("home", ())), strict=False))
+                home = dict(zip(joints, map(float, row["home"]), strict=True))
+                for finger, position in row.get("fingers", {}).items():
+                    if prefix + finger in model.q_names:
+                        home[prefix + finger] = position
                 arm = KnownArm(name, row["title"], row["family"], joints, home)
                 found.append((miss, arm))
     taken: set[str] = set()

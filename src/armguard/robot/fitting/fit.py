@@ -11,6 +11,7 @@ from armguard.geometry.shapes import PlacedShape
 from armguard.robot.fitting.exact import exact_shapes, hulls_are_contained
 from armguard.robot.fitting.few_corners import with_few_corners
 from armguard.robot.fitting.parallel import fit_links
+from armguard.robot.fitting.ready import ready_fit
 from armguard.robot.fitting.store import fit_key, is_exact, read_fit, write_fit
 from armguard.robot.meshes import check_faces, load_triangles
 from armguard.robot.model import (
@@ -34,17 +35,26 @@ def fit_robot(
 ) -> dict[str, FittedLink]:
     """Primitives of every link that has collision geometry, fitted on all cores.
 
+    A fit is taken from the cache, or from those that the package brings, if it is of
+    the link's geometry and these settings.
+
     Args:
         model: The robot.
         target: Overreach to stay below where the primitives allow it [m].
         max_primitives: Primitives a mesh or cylinder may be given.
-        progress: Called as each fit begins that is not kept on disk, with the link's
-            name, its number and the count of these fits.
+        progress: Called as each fit begins, with the link's name, its number and the
+            count of these fits.
     """
     links = [link for link in model.links.values() if link.collisions]
     settings = {"target": target, "max_primitives": max_primitives}
     keys = {k.name: fit_key(k, settings.values()) for k in links if not is_exact(k)}
     kept = {name: read_fit(key, name) for name, key in keys.items()}
+    for link in links:
+        if kept.get(link.name, link) is None:
+            kept[link.name] = fit = ready_fit(keys[link.name], link)
+            if fit is not None:
+                # Its proof is not repeated.
+                write_fit(keys[link.name], fit)
     open_ = [link for link in links if kept.get(link.name, link) is None]
     begun = count(1)
 

@@ -1,12 +1,15 @@
-"""Fits kept on disk, by what they were made of; a wheel brings some of them."""
+"""Fits kept on disk, by the geometry they are of and the code that made them."""
 
 import json
 import os
 import tempfile
 from collections.abc import Iterable
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from armguard.geometry import shapes as convex
 from armguard.geometry.pose import Pose
@@ -14,8 +17,9 @@ from armguard.geometry.shapes import Box, Capsule, Hull, PlacedShape, Sphere
 from armguard.kernel import PACKAGE, cache_home
 from armguard.robot.model import Cylinder, FittedLink, Link, MeshFile
 
-# Where the fits lie that the wheel brought.
-READY_FITS = PACKAGE / "robot" / "ready_fits"
+# Decimals of a pose that count in a key: the last bits of a sine differ between
+# machines, and zero has two signs [-].
+DECIMALS = 9
 
 KINDS = {
     "sphere": Sphere,
@@ -28,35 +32,45 @@ KINDS = {
 
 
 def fit_key(link: Link, settings: Iterable[object]) -> str:
-    """Hash of all a fit depends on: geometry, mesh files, settings, and this code."""
-    digest = sha256()
-    for source in sorted((PACKAGE / "robot" / "fitting").glob("*.py")):
-        digest.update(source.read_bytes())
-    digest.update(repr(tuple(settings)).encode())
+    """Hash of a link's geometry and the settings of its fit.
+
+    Equal mesh files have one key, whatever their place and the text of their URDF.
+    Poses count to a nanometre; primitives are grown by more (`SEAM`).
+
+    Args:
+        link: The link.
+        settings: What else its fit depends on, as numbers.
+    """
+    digest = sha256(repr(tuple(settings)).encode())
     for element in link.collisions:
-        digest.update(element.T_link_geometry.tobytes())
+        pose = np.round(element.T_link_geometry, DECIMALS) + 0.0
+        digest.update(pose.tobytes())
         geometry = element.geometry
         if isinstance(geometry, MeshFile):
             digest.update(repr(geometry.scale).encode())
             digest.update(geometry.path.suffix.lower().encode())
-            digest.update(geometry.path.read_bytes())
+            digest.update(sha256(geometry.path.read_bytes()).digest())
         else:
             digest.update(repr(geometry).encode())
     return digest.hexdigest()[:32]
 
 
+@cache
+def code_hash() -> str:
+    """Hash of the code that fits: other code keeps fits of its own."""
+    sources = sorted((PACKAGE / "robot" / "fitting").glob("*.py"))
+    return sha256(b"".join(map(Path.read_bytes, sources))).hexdigest()[:16]
+
+
 def path_of(key: str) -> Path:
     """File of a fit."""
-    return cache_home() / "fits" / f"{key}.json"
+    return cache_home() / "fits" / f"{key}-{code_hash()}.json"
 
 
 def read_fit(key: str, link: str) -> FittedLink | None:
     """A kept fit; None if there is none, or none that can be read."""
-    path = path_of(key)
-    if not path.exists():
-        path = READY_FITS / path.name
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        held = json.loads(path_of(key).read_text(encoding="utf-8"))
         return FittedLink(
             link=link,
             shapes=tuple(as_shape(s) for s in held["shapes"]),
