@@ -27,18 +27,19 @@ from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3, add, dot
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH
 from armguard.motion.joint_rows import (
     TURNED,
     Ends,
     SideMotion,
     joint_ranges,
     joint_rows,
-    point_reach,
+    points_reach,
 )
 from armguard.motion.pair_state import Pair, levers_of
 from armguard.motion.state import NODES, WHOLE, Motion
 from armguard.robot.kinematics import PRISMATIC
-from armguard.table import Matrix
+from armguard.table import Matrix, Vector
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -55,11 +56,14 @@ HULL = int(ShapeKind.HULL)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
 
+# Coordinates of eight points, and numbers for two values of each of them [-].
+POINTS = 3 * WIDTH
+ENDS = 2 * WIDTH
+
 # Above this count of vertices, a bound over the box of a hull costs less than it saves.
 MANY = 16
 
-# Numbers for that bound; and what its rounding cannot exceed [m].
-BOUNDS_ROOM = 16
+# What the rounding of that bound cannot exceed [m].
 ROUNDING = 1e-12
 
 
@@ -99,16 +103,19 @@ def side_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
 @kernel
 def segment_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
     """Greatest reach of a sphere's centre, or of the ends of a capsule's axis [m]."""
-    p = (row[1], row[2], row[3])
-    if kind == SPHERE:
-        return point_reach(dot(s.n, p), p, s)
-    q = (row[4], row[5], row[6])
-    if dot(s.n, q) > dot(s.n, p):
-        p, q = q, p
-    one, other = point_reach(dot(s.n, p), p, s)
-    if dot(s.n, q) + s.most > min(one, other):
-        first_end, last_end = point_reach(dot(s.n, q), q, s)
-        one, other = max(one, first_end), max(other, last_end)
+    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
+    reach = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    p = q = (row[1], row[2], row[3])
+    if kind == CAPSULE:
+        q = (row[4], row[5], row[6])
+        if dot(s.n, q) > dot(s.n, p):
+            p, q = q, p
+    put_point(0, p, points)
+    put_point(1, q, points)
+    points_reach(False, points, s, reach)
+    one, other = reach[0, 0], reach[1, 0]
+    if kind == CAPSULE and dot(s.n, q) + s.most > min(one, other):
+        one, other = max(one, reach[0, 1]), max(other, reach[1, 1])
     return (one, other)
 
 
@@ -124,20 +131,30 @@ def box_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
         z = row[5]
     elif kind != BOX and kind != ELLIPSOID:
         x = y = z = row[6]
+    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
+    growth = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    for c in range(WIDTH):
+        put_point(c, corner(row, x, y, z, c), points)
+    points_reach(True, points, s, growth)
     # Reach of a corner: its projection plus its growth.
     one = other = way_one = way_other = -inf
-    for c in range(8):
-        p = corner(row, x, y, z, c)
-        still = dot(s.n, p)
+    for c in range(WIDTH):
+        still = dot(s.n, (points[0, c], points[1, c], points[2, c]))
         if kind == BOX and still + s.most <= min(one, other):
             continue
-        first_end, last_end = point_reach(0.0, p, s)
-        one, other = max(one, still + first_end), max(other, still + last_end)
-        way_one, way_other = max(way_one, first_end), max(way_other, last_end)
+        one, other = max(one, still + growth[0, c]), max(other, still + growth[1, c])
+        way_one = max(way_one, growth[0, c])
+        way_other = max(way_other, growth[1, c])
     if kind == BOX:
         return (one, other)
     core = core_reach(kind, row, s.n)
     return (min(one, core + way_one), min(other, core + way_other))
+
+
+@kernel
+def put_point(c: int, p: Vec3, points: Matrix) -> None:
+    """Write point c of eight."""
+    points[0, c], points[1, c], points[2, c] = p
 
 
 @kernel
@@ -186,29 +203,59 @@ def hull_reach(row: Floats, s: SideMotion) -> Ends:
     y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
     z = row[9] * n[0] + row[12] * n[1] + row[15] * n[2]
     base = dot(n, (row[1], row[2], row[3]))
-    bounds = numba.carray(stack(BOUNDS_ROOM), (2, 8), np.float64)
+    coefficients = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
     box = numba.carray(stack(6), (6,), np.float64)
+    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
+    bounds = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    reach = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    still = numba.carray(stack(WIDTH), (WIDTH,), np.float64)
     bounded = vertices > MANY
     best = 0
     if bounded:
         box_of_vertices(v, vertices, box)
-        bound_in_box(box, row, s, bounds)
-        best = highest_vertex(v, vertices, box, bounds)
-    one = other = -inf
+        bound_in_box(box, row, s, coefficients)
+        best = highest_vertex(v, vertices, box, coefficients)
+    one = other = first_bound = last_bound = -inf
+    waiting = 0
     for step in range(vertices):
         # The vertex with the greatest bound comes first: it rules out most others.
         i = best if step == 0 else step - 1 if step <= best else step
         a, b, c = v[i], v[i + vertices], v[i + 2 * vertices]
-        if base + x * a + y * b + z * c + s.most <= min(one, other):
-            continue
+        still[waiting] = base + x * a + y * b + z * c
+        first_bound = last_bound = inf
         if bounded and step > 0:
-            first_bound, last_bound = interpolated(a, b, c, box, bounds)
-            if first_bound + ROUNDING <= one and last_bound + ROUNDING <= other:
-                continue
-        p = point_at(row, a, b, c)
-        first_end, last_end = point_reach(dot(n, p), p, s)
-        one, other = max(one, first_end), max(other, last_end)
+            first_bound, last_bound = interpolated(a, b, c, box, coefficients)
+        bounds[0, waiting], bounds[1, waiting] = first_bound, last_bound
+        if reaches_more(waiting, one, other, still, bounds, s):
+            put_point(waiting, point_at(row, a, b, c), points)
+            waiting += 1
+        if waiting > 0 and (waiting == WIDTH or step == 0 or step == vertices - 1):
+            points_reach(False, points, s, reach)
+            for k in range(waiting):
+                if reaches_more(k, one, other, still, bounds, s):
+                    one, other = max(one, reach[0, k]), max(other, reach[1, k])
+            waiting = 0
     return (one, other)
+
+
+@kernel
+def reaches_more(
+    k: int, one: float, other: float, still: Vector, bounds: Matrix, s: SideMotion
+) -> bool:
+    """Whether vertex k of eight may reach beyond the greatest values so far.
+
+    Args:
+        k: The vertex.
+        one: Greatest value so far, at one end of the line [m].
+        other: The same at the other end.
+        still: `n·p` of the vertices at rest, shape (8,) [m].
+        bounds: Bounds of their reach, shape (2, 8) [m].
+        s: The joints that move them.
+    """
+    if still[k] + s.most <= min(one, other):
+        return False
+    within = bounds[0, k] + ROUNDING <= one and bounds[1, k] + ROUNDING <= other
+    return not within
 
 
 @kernel
@@ -236,14 +283,15 @@ def bound_in_box(box: Floats, row: Floats, s: SideMotion, bounds: Matrix) -> Non
             of coordinates from the box's least ones is at the index with the bits of
             its factors.
     """
-    for k in range(8):
+    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
+    for k in range(WIDTH):
         a, b, c = box[3 * (k & 1)], box[1 + 3 * (k >> 1 & 1)], box[2 + 3 * (k >> 2)]
-        p = point_at(row, a, b, c)
-        bounds[0, k], bounds[1, k] = point_reach(dot(s.n, p), p, s)
+        put_point(k, point_at(row, a, b, c), points)
+    points_reach(False, points, s, bounds)
     for end in range(2):
         for axis in range(3):
             width = box[axis + 3] - box[axis]
-            for k in range(8):
+            for k in range(WIDTH):
                 if k >> axis & 1:
                     slope = bounds[end, k] - bounds[end, k ^ (1 << axis)]
                     bounds[end, k] = slope / width if width > 0.0 else 0.0

@@ -102,7 +102,7 @@ class LinkPair(NamedTuple):
         placed: 1 for shapes that are placed in this box, shape (s,).
         moves: Scratch for how far each joint moves a pair, shape (n,).
         lever_rows: Scratch for gradients, see `joint_rows`, shape (depth,).
-        hessian: Scratch for second derivatives, shape (depth, depth).
+        hessian: Scratch for second derivatives, shape (depth, 8 · depth).
     """
 
     parent: IntVector
