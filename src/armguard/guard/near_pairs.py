@@ -19,6 +19,7 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
+from armguard.lanes import lowest
 from armguard.motion.pair_state import (
     EXCEEDED,
     NEEDED,
@@ -28,7 +29,6 @@ from armguard.motion.pair_state import (
     UNSURE,
 )
 from armguard.record import Records, copy
-from armguard.table import Vector
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -70,27 +70,32 @@ def judge_listed(w: Workspace) -> int:
     Returns:
         Count of rows of the answer.
     """
-    kept, moved, pairs = w.kept, w.moved, w.watch.pairs
+    kept, moved, blocks = w.kept, w.moved, w.watch.pair_blocks
     residency, everything = w.octree.residency, w.groups.shape[0]
     kept_count = w.memory.kept_count
     next_kept = count = 0
     last = -1
-    for k in range(pairs.shape[0]):
-        i, j = int(pairs[k, 0]), int(pairs[k, 1])
+    for b in range(blocks.shape[0]):
+        i, first, left = int(blocks[b, 0]), int(blocks[b, 1]), int(blocks[b, 2])
         if i != last:
             count, next_kept = take_kept(
                 last, everything, next_kept, kept_count, count, moved, kept, w
             )
             last = i
-        if not (moved[i] or moved[j]):
-            continue
-        if residency[i].status == ABSENT or residency[j].status == ABSENT:
-            continue
-        if boxes_apart(w.world.boxes, i, j, w.settings.margin):
-            w.header.pairs_filtered += 1.0
-            continue
-        count, next_kept = take_kept(i, j, next_kept, kept_count, count, moved, kept, w)
-        count = judge_candidate(i, j, count, w)
+        while left != 0:
+            j = first + lowest(left)
+            left &= left - 1
+            if not (moved[i] or moved[j]):
+                continue
+            if residency[i].status == ABSENT or residency[j].status == ABSENT:
+                continue
+            if boxes_apart(w.world.boxes, i, j, w.settings.margin):
+                w.header.pairs_filtered += 1.0
+                continue
+            count, next_kept = take_kept(
+                i, j, next_kept, kept_count, count, moved, kept, w
+            )
+            count = judge_candidate(i, j, count, w)
     count, _ = take_kept(last, everything, next_kept, kept_count, count, moved, kept, w)
     return int(count)
 
@@ -285,23 +290,15 @@ def take_kept(
 
 @kernel
 def boxes_apart(boxes: Floats, i: int, j: int, margin: float) -> bool:
-    """Whether two bounding boxes are farther apart than the margin on some axis."""
-    return bool(apart(boxes[i], boxes[j], margin))
-
-
-@kernel
-def apart(a: Vector, b: Vector, distance: float) -> bool:
-    """Whether two boxes are farther apart than a distance on some axis.
+    """Whether two bounding boxes are farther apart than the margin on some axis.
 
     A NaN compares false, so that the pair is measured and the NaN is seen.
-
-    Args:
-        a: Least and greatest coordinates of one box, shape (6,) [m].
-        b: Those of the other, of that shape.
-        distance: The distance [m].
     """
     for k in range(3):
-        if a[k] - b[k + 3] > distance or b[k] - a[k + 3] > distance:
+        if (
+            boxes[i, k] - boxes[j, k + 3] > margin
+            or boxes[j, k] - boxes[i, k + 3] > margin
+        ):
             return True
     return False
 
