@@ -8,11 +8,12 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import Monitor
 from armguard.guard.initial import all_pairs, listed_pairs, pairs_at_rest
+from armguard.guard.near_pairs import may_meet
 from armguard.guard.needs import LOOK_AHEAD
-from armguard.guard.search_distance import may_meet, pair_look
+from armguard.guard.search_distance import pair_look
 from armguard.guard.static_errors import static_needs
 from armguard.guard.workspace import open_workspace
-from armguard.lanes import WIDTH
+from armguard.lanes import WIDTH, load
 from armguard.respond import Guard
 from armguard.scene import bay_scene, two_pandas_scene
 from armguard.scene.compile import compile_scene
@@ -68,7 +69,7 @@ def meeting(lines, out):
     """Bits of each block's pairs that may meet."""
     v = open_workspace(lines).watch
     for b in range(len(out)):
-        out[b] = may_meet(b, v)
+        out[b] = may_meet(b, load(v.block_need[b], 0), v)
 
 
 @numba.njit

@@ -8,17 +8,17 @@ from armguard.guard.demands import judge_motion
 from armguard.guard.layout import NearRow, normal_of
 from armguard.guard.near_pairs import (
     decide,
+    grow_box,
     is_idle,
     keep_owned,
+    may_meet,
     measures_row,
     open_row,
 )
 from armguard.guard.needs import LOOK_AHEAD, static_need
 from armguard.guard.refine import refine_pair
 from armguard.guard.search_distance import (
-    grow_box,
     hidden_by_error,
-    may_meet,
     pair_look,
     way_of_object,
     way_until_look,
@@ -35,7 +35,7 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
-from armguard.lanes import lowest, ones
+from armguard.lanes import load, lowest, ones
 from armguard.motion.pair_proof import shared_joints
 from armguard.motion.twist_bound import (
     SPEED,
@@ -88,7 +88,7 @@ def go_through_pairs(w: Workspace) -> int:
     count = filtered = 0
     for b in range(blocks.shape[0]):
         i, first, left = int(blocks[b, 0]), int(blocks[b, 1]), int(blocks[b, 2])
-        near = may_meet(b, v)
+        near = may_meet(b, load(v.block_need[b], 0), v)
         if w.settings.contracts == 0:
             filtered += ones(left & ~near)
             left = near

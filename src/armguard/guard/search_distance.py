@@ -5,6 +5,7 @@ from math import inf
 import numpy as np
 
 from armguard.geometry.vec3 import Vec3
+from armguard.guard.near_pairs import grow_box
 from armguard.guard.needs import (
     LOOK_AHEAD,
     look_distance,
@@ -16,7 +17,6 @@ from armguard.guard.proofs import coarse
 from armguard.guard.watch import RECOVERING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
-from armguard.lanes import bits, load
 from armguard.motion.pair_proof import shared_joints
 from armguard.motion.state import NEXT, Motion
 from armguard.motion.twist_bound import (
@@ -90,30 +90,6 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
             forth = more[k] + way[k] + max(time * (faster[k] + rate[k]), error)
             forth = min(max(forth, 0.0) + v.ahead[i], v.look[i])
             v.swept[k + 3, i] = boxes[i, k + 3] + max(forth, half)
-
-
-@kernel
-def grow_box(i: int, way: float, boxes: Matrix, v: Watch) -> None:
-    """Write a bounding box, grown on all sides, as the swept box of a primitive."""
-    for k in range(3):
-        v.swept[k, i] = boxes[i, k] - way
-        v.swept[k + 3, i] = boxes[i, k + 3] + way
-
-
-@kernel
-def may_meet(block: int, v: Watch) -> int:
-    """Bits of the pairs of a block whose swept boxes are no farther than their need.
-
-    A NaN compares false, so that the pair is measured and the NaN is seen.
-    """
-    i, first = int(v.pair_blocks[block, 0]), int(v.pair_blocks[block, 1])
-    need, swept = load(v.block_need[block], 0), v.swept
-    apart = swept[0, i] - load(swept[3], first) > need
-    apart = apart | (load(swept[0], first) - swept[3, i] > need)
-    for k in range(1, 3):
-        apart = apart | (swept[k, i] - load(swept[k + 3], first) > need)
-        apart = apart | (load(swept[k], first) - swept[k + 3, i] > need)
-    return int(v.pair_blocks[block, 2]) & ~bits(apart)
 
 
 @kernel

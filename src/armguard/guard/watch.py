@@ -142,7 +142,7 @@ GIVES_UP = 4
 
 # Greatest count of primitives for which testing all pairs is faster than a search in
 # the index.
-FEW = 128
+FEW = 256
 
 # Greatest count of pairs recorded in a cycle for a second proof by their headroom.
 JUDGED_ROOM = 4096
