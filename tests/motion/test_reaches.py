@@ -23,9 +23,10 @@ from armguard.geometry import (
     Sphere,
 )
 from armguard.geometry.shapes import shape_row
-from armguard.motion.gap_bound import line_ranges, most_way, side_reach
+from armguard.motion.gap_bound import line_ranges, most_way
 from armguard.motion.joint_rows import JointRow, SideMotion, joint_ranges, joint_rows
 from armguard.motion.prepare import motion_of
+from armguard.motion.side_reach import side_reach
 from armguard.motion.state import Motion
 from armguard.record import records
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE

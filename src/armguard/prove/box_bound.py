@@ -30,13 +30,14 @@ from armguard.geometry.place import place_point, place_row
 from armguard.geometry.vec3 import Vec3, cross, norm, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-from armguard.motion.gap_bound import curvature, side_reach
+from armguard.motion.gap_bound import curvature
 from armguard.motion.joint_rows import (
     JointRow,
     SideMotion,
     joint_ranges,
     joint_rows,
 )
+from armguard.motion.side_reach import side_reach
 from armguard.prove.pair_proof import TOUCHING
 from armguard.record import Records, record
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
