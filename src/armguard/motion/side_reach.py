@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import pointer, stack
-from armguard.geometry.core_support import core_support
+from armguard.geometry.core_support import core_support, first_highest
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3, add, dot
 from armguard.kernel import kernel
@@ -361,10 +361,4 @@ def highest_vertex(v: Floats, vertices: int, box: Floats, bounds: Matrix) -> int
         place = either(higher, lane + at, place)
     store(found[0], 0, top)
     store(found[1], 0, place)
-    best = 0
-    for k in range(1, WIDTH):
-        if found[0, k] > found[0, best] or (
-            found[0, k] == found[0, best] and found[1, k] < found[1, best]
-        ):
-            best = k
-    return int(found[1, best])
+    return int(found[1, first_highest(found)])
