@@ -5,6 +5,9 @@ speed, and the guard limits it. `step` and the peers judge the same states again
 rows in which `path` is slowest beside a peer come first.
 """
 
+import re
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +15,7 @@ import numpy as np
 from armguard.geometry import Box, Pose
 from armguard.guard import Level
 from armguard.respond import Guard
+from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene, bay_scene
 from arrays import Floats
 from peers import Peer, available_peers
@@ -29,7 +33,12 @@ AMPLITUDE, RANGE = 0.35, 0.4
 PASSES = 3
 
 # Robots of example-robot-data, and half the distance of their bases [m].
-ARMS = {"panda": 0.55, "ur5": 1.0, "xarm7": 0.5}
+ARMS = {"panda": 0.55, "ur5": 1.0, "xarm7": 0.5, "so101": 0.45}
+
+# Joints of a humanoid that are no arm's.
+BELOW_ARMS = re.compile(
+    r'(<joint name="\w*(?:hip|knee|ankle|waist)\w*" type=")revolute'
+)
 
 
 def scenes() -> dict[str, Any]:
@@ -37,7 +46,31 @@ def scenes() -> dict[str, Any]:
     found: dict[str, Any] = {"bay": bay_scene}
     for name, half in ARMS.items():
         found[name] = lambda mode, name=name, half=half: two_arms(name, half, mode)
-    return found
+    return found | {"baxter": baxter, "humanoids": humanoids}
+
+
+def baxter(mode: str) -> Scene:
+    """A robot with two arms at a table."""
+    scene = Scene(mode=mode)
+    scene.add_robot("baxter", "baxter")
+    table = Pose(xyz=(0.9, 0, -0.1))
+    scene.add(Box(size=(0.8, 1.6, 0.04)), "table", pose=table)
+    return scene
+
+
+def humanoids(mode: str) -> Scene:
+    """Two humanoids face to face at a table, whose legs and waists are fixed."""
+    scene, half = Scene(mode=mode), 0.45
+    text = BELOW_ARMS.sub(r"\1fixed", find_named_robot("g1").urdf.read_text())
+    packages = {"example-robot-data": robots_folder().parent}
+    with TemporaryDirectory() as folder:
+        urdf = Path(folder, "g1_arms.urdf")
+        urdf.write_text(text)
+        for name, x, turn in (("left", -half, 0.0), ("right", half, np.pi)):
+            base = Pose(xyz=(x, 0, 0), rpy=(0, 0, turn))
+            scene.add_robot(urdf, name, base=base, packages=packages)
+    scene.add(Box(size=(0.3, 1.2, 0.04)), "table", pose=Pose(xyz=(0, 0, -0.1)))
+    return scene
 
 
 def two_arms(name: str, half: float, mode: str) -> Scene:

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from armguard.batch.lanes import (
+from armguard.lanes import (
     WIDTH,
     either,
     least,

@@ -21,7 +21,8 @@ from respond.test_gripping import crowd as crowd_of_fixtures
 
 # What each ledger holds that is neither kept nor said by the scene.
 SCRATCH = {
-    "_watch": "look row grown judged_left judged_stops judged_clock judged_settled",
+    "_watch": "look reserve row grown judged_left judged_stops judged_clock "
+    "judged_settled",
     "_motion": "up down middle width spread axes node_q node_T node_axes node_way "
     "node_wide node_grow q_half q_node q_way q_wide q_grow box_axes sizes corner_T "
     "columns lever_rows hessian",

@@ -9,7 +9,7 @@ from armguard.geometry import HalfSpace
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes import shape_row
 from armguard.motion import displacement_bounds
-from armguard.motion.gap_bound import half_space_reach
+from armguard.motion.side_reach import half_space_reach
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene

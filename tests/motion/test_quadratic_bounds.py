@@ -10,6 +10,7 @@ import numba
 import numpy as np
 import pytest
 
+from armguard.lanes import WIDTH, splat, store
 from armguard.motion.joint_rows import JointRow, SideMotion, line_ends, widest
 from armguard.record import records
 
@@ -24,13 +25,33 @@ N = (0.0, 0.0, 1.0)
 
 
 @numba.njit
-def greatest(rows, hessian):
-    return widest(SideMotion(N, False, 0.0, 0, len(rows), rows, hessian))
+def write_greatest(rows, hessian, out):
+    store(out, 0, widest(SideMotion(N, False, 0.0, 0, len(rows), rows, hessian)))
 
 
 @numba.njit
+def write_greatest_on_line(rows, hessian, out):
+    side = SideMotion(N, True, 0.0, 0, len(rows), rows, hessian)
+    line_ends(splat(0.0), side, out)
+
+
+def in_lanes(numbers):
+    """A number in each of eight lanes, shape (k, 8)."""
+    return np.repeat(numbers[:, None], WIDTH, axis=1)
+
+
+def greatest(rows, hessian):
+    out = np.zeros(WIDTH)
+    write_greatest(rows, np.repeat(hessian, WIDTH, axis=1), out)
+    assert (out == out[0]).all()
+    return out[0]
+
+
 def greatest_on_line(rows, hessian):
-    return line_ends(0.0, SideMotion(N, True, 0.0, 0, len(rows), rows, hessian))
+    out = np.zeros((2, WIDTH))
+    write_greatest_on_line(rows, np.repeat(hessian, WIDTH, axis=1), out)
+    assert (out.T == out[:, 0]).all()
+    return out[:, 0]
 
 
 def forms(joints, steep):
@@ -59,7 +80,7 @@ def test_no_position_in_the_ranges_exceeds_the_bound(joints, steep):
     for rng, g, h in forms(joints, steep):
         rows = records(joints, JointRow)
         width = rng.uniform(0.1, 1.0, joints)
-        rows.end_gradient, rows.end_width = g, width
+        rows.end_gradient, rows.end_width = in_lanes(g), in_lanes(width)
         found = greatest(rows, h)
         true = value(g, h, width * shares(rng, joints)).max()
         assert true <= found + GRAIN
@@ -77,7 +98,7 @@ def test_what_one_joint_decides_the_other_one_is_left_with():
     for rng, g, h in forms(2, 1.0):
         rows = records(2, JointRow)
         width = rng.uniform(0.1, 1.0, 2)
-        rows.end_gradient, rows.end_width = g, width
+        rows.end_gradient, rows.end_width = in_lanes(g), in_lanes(width)
         if not abs(g[0]) >= np.abs(h[0]) @ width:
             continue
         move = np.sign(g[0]) * width[0]
@@ -100,7 +121,7 @@ def test_no_position_on_a_line_exceeds_the_bounds_of_its_ends(joints, steep):
         # Wide, or growing, or neither.
         wide *= rng.integers(0, 2)
         grow = wide * rng.uniform(-1.0, 1.0, joints)
-        rows.gradient, rows.half_line, rows.width = g, way, wide
+        rows.gradient, rows.half_line, rows.width = in_lanes(g), way, wide
         rows.widening = grow
         ends = greatest_on_line(rows, h)
         places = shares(rng, joints)

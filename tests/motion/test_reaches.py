@@ -23,9 +23,10 @@ from armguard.geometry import (
     Sphere,
 )
 from armguard.geometry.shapes import shape_row
-from armguard.motion.gap_bound import line_ranges, most_way, side_reach
+from armguard.motion.gap_bound import line_ranges, most_way
 from armguard.motion.joint_rows import JointRow, SideMotion, joint_ranges, joint_rows
 from armguard.motion.prepare import motion_of
+from armguard.motion.side_reach import side_reach
 from armguard.motion.state import Motion
 from armguard.record import records
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
@@ -102,7 +103,7 @@ def reach_of_ranges(kind, row, n, axes, joint_kind, middle, width, levers, rows)
     joint_rows(n, chain, 0, count, axes, 0, joint_kind, rows)
     joint_ranges(chain, 0, count, middle, width, rows)
     most = most_way(chain, 0, count, levers, np.abs(middle) + width)
-    hessian = np.zeros((count, count))
+    hessian = np.zeros((count, 8 * count))
     return side_reach(kind, row, SideMotion(n, False, most, 0, count, rows, hessian))
 
 
@@ -115,7 +116,7 @@ def reach_of_line(kind, row, n, axes, joint_kind, way, width, levers, rows):
         rows[k].half_line, rows[k].width = way[k], width[k]
         rows[k].widening = 0.0
     most = most_way(chain, 0, count, levers, np.abs(way) + width)
-    hessian = np.zeros((count, count))
+    hessian = np.zeros((count, 8 * count))
     return side_reach(kind, row, SideMotion(n, True, most, 0, count, rows, hessian))
 
 

@@ -618,8 +618,8 @@ def test_release_leaves_the_tables_as_those_of_a_fresh_guard():
 
 # Tables that depend on who holds what.
 STANDING_TABLES = (
-    "static_error", "link_error", "robot_error", "robot_of", "pairs", "pair_need",
-    "joints", "length", "shared", "levers", "blur", "push",
+    "static_error", "link_error", "robot_error", "robot_of", "pair_blocks",
+    "block_need", "joints", "length", "shared", "levers", "blur", "push",
 )  # fmt: skip
 
 

@@ -5,7 +5,6 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.batch.lanes import WIDTH, least, load, most, size, some, splat, store
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, spread, widen
 from armguard.batch.search import (
@@ -16,6 +15,7 @@ from armguard.batch.search import (
     settle,
 )
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH, least, load, most, size, some, splat, store
 from armguard.table import opener
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.batch.check import LONGEST, check_rows
-from armguard.batch.lanes import WIDTH
 from armguard.batch.near import list_near, measure_pairs
 from armguard.batch.plan import place_object, plan_of, remove_object
 from armguard.batch.pose import NEAR
@@ -29,6 +28,7 @@ from armguard.errors import SceneError
 from armguard.geometry.pose import Pose, transform_of
 from armguard.geometry.shapes import Shape
 from armguard.kernel import check_cache
+from armguard.lanes import WIDTH
 from armguard.record import records
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene

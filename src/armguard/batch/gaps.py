@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.batch.lanes import WIDTH, either, least, load, most, root, size, splat
 from armguard.geometry.segments import PARALLEL_SIN2, POINT
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH, either, least, load, most, root, size, splat
 
 Floats = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.batch.check import take_block, take_rows
-from armguard.batch.lanes import WIDTH
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, place, spread
 from armguard.batch.search import Scratch, gap_in_lane, search
 from armguard.geometry.vec3 import Vec3, cross, dot, sub
 from armguard.geometry.witness import WITNESS_WIDTH, turn_witness
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH
 from armguard.robot.kinematics import FIXED, PRISMATIC
 from armguard.table import LongMatrix, LongVector, Matrix, opener, table
 

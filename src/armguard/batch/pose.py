@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-from armguard.batch.lanes import WIDTH, load, root, sincos, splat, store
 from armguard.batch.plan import Plan
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH, load, root, sincos, splat, store
 from armguard.robot.kinematics import FIXED, PRISMATIC
 from armguard.table import LongVector, Vector, table
 

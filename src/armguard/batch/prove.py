@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.batch.check import open_place, open_plan, open_scratch
-from armguard.batch.lanes import WIDTH
 from armguard.batch.pose import Place, move_bodies, spread, widen
 from armguard.batch.search import Scratch, search
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH
 from armguard.table import LongMatrix, LongVector, opener, table
 
 Floats = NDArray[np.float64]

@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from armguard.batch.check import LONGEST
-from armguard.batch.lanes import WIDTH
 from armguard.batch.near import Listing
 from armguard.batch.pose import MOTIONS, ROWS, SPANS, Place
 from armguard.batch.search import ROOM, Scratch, SearchSettings
 from armguard.geometry.shapes import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.lanes import WIDTH
 from armguard.record import records
 from armguard.table import Ledger
 

@@ -7,7 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.batch.gaps import has_lanes, lane_gap
-from armguard.batch.lanes import (
+from armguard.batch.plan import SLACK, Plan
+from armguard.batch.pose import MOTIONS, NEAR, SPANS, Place, place
+from armguard.geometry.pairs import measure
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.kernel import kernel
+from armguard.lanes import (
     WIDTH,
     bits,
     either,
@@ -19,12 +25,6 @@ from armguard.batch.lanes import (
     splat,
     store,
 )
-from armguard.batch.plan import SLACK, Plan
-from armguard.batch.pose import MOTIONS, NEAR, SPANS, Place, place
-from armguard.geometry.pairs import measure
-from armguard.geometry.shapes.kind import ShapeKind
-from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.kernel import kernel
 from armguard.record import record
 from armguard.table import IntMatrix, LongVector, Matrix, Vector, table
 

@@ -1,6 +1,6 @@
 """The farthest point of a core in a direction: all a convex solver needs to know."""
 
-from math import nan, sqrt
+from math import inf, nan, sqrt
 
 import numba
 import numpy as np
@@ -11,8 +11,10 @@ from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH, either, load, splat, store
 
 Row = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 SPHERE = int(ShapeKind.SPHERE)
 CAPSULE = int(ShapeKind.CAPSULE)
@@ -143,29 +145,81 @@ def ellipsoid_support(row: Row, x: float, y: float, z: float) -> Vec3:
 def hull_support(row: Row, x: float, y: float, z: float) -> Vec3:
     """Farthest vertex of a hull; of several, always the same one.
 
-    The processor compares several vertices at once where each of one half is compared
-    with its like of the other half, and one at a time only among what is left.
+    Vertices are compared eight at a time, each with its like of the other half.
     """
     count = int(row[5])
     v = numba.carray(pointer(int(row[4])), (3 * count,), np.float64)
-    farther = numba.carray(stack(128), (BLOCK // 2,), np.float64)
-    # Unsigned: the sign of an index that cannot be negative is not examined.
-    to_y, to_z = np.uint64(count), np.uint64(2 * count)
-    best, most = 0, -np.inf
+    best, highest, other_half = 0, -inf, 0
     for start in range(0, count, BLOCK):
         half = min(BLOCK, count - start) // 2
-        to_half = np.uint64(half)
+        if half >= WIDTH:
+            k, height = highest_of_half(v, start, half, x, y, z)
+            if height > highest:
+                best, highest, other_half = start + k, height, half
+            continue
         for k in range(half):
-            i = np.uint64(start + k)
-            j = i + to_half
-            one = v[i] * x + v[i + to_y] * y + v[i + to_z] * z
-            other = v[j] * x + v[j + to_y] * y + v[j + to_z] * z
-            farther[np.uint64(k)] = one if one >= other else other
-        for k in range(half):
-            if farther[np.uint64(k)] > most:
-                most = farther[np.uint64(k)]
-                best = start + k
-    at = np.uint64(best)
-    if v[at] * x + v[at + to_y] * y + v[at + to_z] * z < most:
-        at += np.uint64(min(BLOCK, count - best // BLOCK * BLOCK) // 2)
-    return (v[at], v[at + to_y], v[at + to_z])
+            i = start + k
+            height = max(height_at(v, i, x, y, z), height_at(v, i + half, x, y, z))
+            if height > highest:
+                best, highest, other_half = i, height, half
+    if height_at(v, best, x, y, z) < highest:
+        best += other_half
+    return (v[best], v[best + count], v[best + 2 * count])
+
+
+@kernel
+def height_at(v: Row, i: int, x: float, y: float, z: float) -> float:
+    """Projection of vertex i of a hull on a direction."""
+    count = v.shape[0] // 3
+    return float(v[i] * x + v[i + count] * y + v[i + 2 * count] * z)
+
+
+@kernel
+def highest_of_half(
+    v: Row, start: int, half: int, x: float, y: float, z: float
+) -> tuple[int, float]:
+    """The first of `half` pairs of vertices that reaches highest, and how high.
+
+    Args:
+        v: Coordinates x of all vertices, then y, then z [m].
+        start: First vertex; the like of vertex i is i + half.
+        half: Count of pairs, 8 or more.
+        x: Direction.
+        y: Direction.
+        z: Direction.
+    """
+    count = v.shape[0] // 3
+    found = numba.carray(stack(16), (2, WIDTH), np.float64)
+    for k in range(WIDTH):
+        found[1, k] = k
+    lane, top, place = load(found[1], 0), splat(-inf), splat(0.0)
+    for k in range(0, half, WIDTH):
+        at = min(k, half - WIDTH)
+        i = start + at
+        j = i + half
+        one = load(v, i) * x + load(v, i + count) * y + load(v, i + 2 * count) * z
+        other = load(v, j) * x + load(v, j + count) * y + load(v, j + 2 * count) * z
+        height = either(one >= other, one, other)
+        higher = height > top
+        top = either(higher, height, top)
+        place = either(higher, lane + at, place)
+    store(found[0], 0, top)
+    store(found[1], 0, place)
+    best = first_highest(found)
+    return (int(found[1, best]), found[0, best])
+
+
+@kernel
+def first_highest(found: Matrix) -> int:
+    """Lane with the greatest value, of several that with the least place.
+
+    Args:
+        found: Values and their places, shape (2, 8).
+    """
+    best = 0
+    for k in range(1, WIDTH):
+        if found[0, k] > found[0, best] or (
+            found[0, k] == found[0, best] and found[1, k] < found[1, best]
+        ):
+            best = k
+    return best

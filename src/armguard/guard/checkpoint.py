@@ -38,9 +38,10 @@ LENGTH = 8
 LEFT_OUT: dict[str, frozenset[str]] = {
     "watch": frozenset(
         (
-            "timing static_error top_speed robot_of movers pairs pair_need look ahead "
-            "tight swept row tool_body tool_point judged_pairs judged_left "
-            "judged_count judged_stops judged_clock judged_settled grown object_stale"
+            "timing static_error top_speed robot_of movers pair_blocks block_need "
+            "look ahead reserve tight swept row tool_body tool_point judged_pairs "
+            "judged_left judged_count judged_stops judged_clock judged_settled grown "
+            "object_stale"
         ).split()
     ),
     "grips": frozenset("swap fingers members velocity".split()),

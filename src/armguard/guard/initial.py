@@ -22,6 +22,7 @@ from armguard.guard.watch import (
     Timing,
     Watch,
 )
+from armguard.lanes import WIDTH
 from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
 from armguard.scene.tables import SceneTables
@@ -98,17 +99,16 @@ def pairs_at_rest(tables: SceneTables) -> dict[str, Any]:
     robots, n = len(tables.robots), len(tables.q_names)
     m = tables.moving_count
     errors = static_errors(tables)
-    pairs = all_pairs(tables)
-    needs = static_needs(pairs, errors["link_error"], errors["robot_error"], tables)
+    count = len(tables.kinds)
     return {
         **errors,
+        **listed_pairs(tables, errors["link_error"], errors["robot_error"]),
         "robot_of": tables.robot_of_primitive,
-        "pairs": pairs,
-        "pair_need": needs,
-        "look": np.zeros(len(tables.kinds)),
+        "look": np.zeros(count),
         "ahead": np.zeros(m),
+        "reserve": np.zeros(m),
         "tight": np.zeros(m, dtype=np.int64),
-        "swept": np.zeros((m, 6)),
+        "swept": np.zeros((6, m if count > FEW else WIDTH * -(-count // WIDTH))),
         "grown": np.zeros(m),
         "judged_pairs": np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
         "judged_left": np.zeros(JUDGED_ROOM),
@@ -194,15 +194,36 @@ def commands_under_way(tables: SceneTables) -> int:
     return int(np.ceil(longest / tables.period)) + SPARE_COMMANDS
 
 
-def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
-    """Every checked pair of a small scene in ascending order, else none, shape (c, 2).
+def listed_pairs(tables: SceneTables, link: Floats, robot: Floats) -> dict[str, Any]:
+    """Every checked pair of a small scene, else none, by field of a `Watch`.
 
-    In each pair a primitive that a robot moves is first. For few primitives, testing
-    all pairs is faster than a search in the index.
+    For few primitives, testing all pairs is faster than a search in the index.
+
+    Args:
+        tables: The scene.
+        link: See `Watch.link_error`.
+        robot: See `Watch.robot_error`.
+    """
+    few = len(tables.kinds) <= FEW and tables.index.kind != "brute_force"
+    pairs = all_pairs(tables) if few else np.zeros((0, 2), dtype=np.int32)
+    lane = pairs[:, 1] % WIDTH
+    first = np.stack([pairs[:, 0], pairs[:, 1] - lane], axis=1)
+    # A block begins where a pair differs from the one before it.
+    block = np.cumsum((np.diff(first, axis=0, prepend=-1) != 0).any(axis=1)) - 1
+    blocks = np.zeros((len(np.unique(block)), 3), dtype=np.int32)
+    needs = np.zeros((len(blocks), WIDTH))
+    blocks[block, :2] = first
+    np.bitwise_or.at(blocks[:, 2], block, 1 << lane)
+    needs[block, lane] = static_needs(pairs, link, robot, tables)
+    return {"pair_blocks": blocks, "block_need": needs}
+
+
+def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
+    """Every checked pair in ascending order, shape (c, 2).
+
+    In each pair a primitive that a robot moves is first.
     """
     p, m = len(tables.kinds), tables.moving_count
-    if p > FEW or tables.index.kind == "brute_force":
-        return np.zeros((0, 2), dtype=np.int32)
     i, j = np.triu_indices(p, 1)
     wanted = (i < m) & (tables.checked[tables.groups[i], tables.groups[j]] != 0)
     pairs = np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)

@@ -23,7 +23,7 @@ from armguard.guard.grippers import Grippers
 from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
-from armguard.guard.initial import all_pairs, watch_of
+from armguard.guard.initial import listed_pairs, watch_of
 from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 from armguard.guard.objects import Objects
@@ -31,7 +31,6 @@ from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE
 from armguard.guard.saving import Saving
-from armguard.guard.static_errors import static_needs
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import FEW, Watch
 from armguard.guard.workspace import IndexKind, Measured, Memory, Settings, Workspace
@@ -54,7 +53,7 @@ OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one t
 # Arrays that `reset` does not change: figures of the scene, and sightings of objects.
 KEPT = (
     "timing static_error link_error robot_error top_speed seen_at object_velocity "
-    "doubt object_stale robot_of movers pairs pair_need"
+    "doubt object_stale robot_of movers pair_blocks block_need"
 ).split()
 
 
@@ -305,12 +304,10 @@ class Loop:
     def _take_over_tables(self) -> None:
         """Apply changed tables of attached bodies and checked groups to the loop."""
         tables = self.tables
-        pairs = all_pairs(tables)
         watch = self._watch
-        needs = static_needs(pairs, watch.link_error, watch.robot_error, tables)
-        self._watch = watch._replace(pairs=pairs, pair_need=needs)
-        self._holding.watch = self._watch
-        for name, table in (("pairs", pairs), ("pair_need", needs)):
+        found = listed_pairs(tables, watch.link_error, watch.robot_error)
+        self._watch = self._holding.watch = watch._replace(**found)
+        for name, table in found.items():
             self._watch_ledger.put(Watch._fields.index(name), table)
         self._settings.static_need = largest_static_need(tables, self._watch)
         self._names = replace(self._names, tables=snapshot(tables))

@@ -8,8 +8,10 @@ from armguard.guard.demands import judge_motion
 from armguard.guard.layout import NearRow, normal_of
 from armguard.guard.near_pairs import (
     decide,
+    grow_box,
     is_idle,
     keep_owned,
+    may_meet,
     measures_row,
     open_row,
 )
@@ -33,13 +35,12 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
+from armguard.lanes import load, lowest, ones
 from armguard.motion.pair_proof import shared_joints
 from armguard.motion.twist_bound import (
     SPEED,
     TRAVEL,
     bound_along,
-    middle_gap,
-    place_at_middle,
 )
 
 Floats = NDArray[np.float64]
@@ -63,7 +64,7 @@ def judge_motions(w: Workspace) -> None:
     w.memory.cycle += 1
     w.memory.kept_count = 0
     begin_notes(v, w.motion)
-    if v.pairs.shape[0] > 0:
+    if v.pair_blocks.shape[0] > 0:
         count = go_through_pairs(w)
     else:
         count = look_for_pairs(w)
@@ -79,24 +80,32 @@ def go_through_pairs(w: Workspace) -> int:
         Count of rows of the answer.
     """
     v, m = w.watch, w.motion
-    boxes, moving_count = w.world.boxes, w.settings.moving_count
+    moving_count, blocks = w.settings.moving_count, v.pair_blocks
     write_looks(w, v, m)
     for j in range(moving_count, v.look.shape[0]):
         v.look[j] = way_of_object(j, v, m)
+        grow_box(j, v.look[j] + 0.5 * w.settings.margin, w.world.boxes, v)
     count = filtered = 0
-    for k in range(v.pairs.shape[0]):
-        i, j = int(v.pairs[k, 0]), int(v.pairs[k, 1])
-        need = v.pair_need[k]
-        if j >= moving_count:
-            need += v.look[j]
-        need, look = pair_look(i, j, need, w)
-        if look < 0.0 or farther(boxes, i, j, look):
-            filtered += 1
-        elif (
-            w.octree.residency[j].status != ABSENT
-            and w.octree.residency[i].status != ABSENT
-        ):
-            count = judge_pair(i, j, need, look, count, w)
+    for b in range(blocks.shape[0]):
+        i, first, left = int(blocks[b, 0]), int(blocks[b, 1]), int(blocks[b, 2])
+        near = may_meet(b, load(v.block_need[b], 0), v)
+        if w.settings.contracts == 0:
+            filtered += ones(left & ~near)
+            left = near
+        while left != 0:
+            lane = lowest(left)
+            left &= left - 1
+            j, need = first + lane, v.block_need[b, lane]
+            if j >= moving_count:
+                need += v.look[j]
+            need, look, known = pair_look(i, j, need, w)
+            if look < 0.0:
+                filtered += 1
+            elif (
+                w.octree.residency[j].status != ABSENT
+                and w.octree.residency[i].status != ABSENT
+            ):
+                count = judge_pair(i, j, need, look, known, count, w)
     w.header.pairs_filtered += filtered
     return count
 
@@ -109,7 +118,7 @@ def look_for_pairs(w: Workspace) -> int:
         Count of rows of the answer.
     """
     v, m = w.watch, w.motion
-    candidates, boxes = w.candidates, w.world.boxes
+    candidates = w.candidates
     write_looks(w, v, m)
     widest = widest_look(w, v, m)
     count = 0
@@ -127,17 +136,17 @@ def look_for_pairs(w: Workspace) -> int:
             need = static_need(i, j, w, v, m)
             if j >= w.settings.moving_count:
                 need += way_until_look(j, v, m)
-            need, look = pair_look(i, j, need, w)
-            if look < 0.0 or farther(boxes, i, j, look):
+            need, look, known = pair_look(i, j, need, w)
+            if look < 0.0:
                 w.header.pairs_filtered += 1.0
             else:
-                count = judge_pair(i, j, need, look, count, w)
+                count = judge_pair(i, j, need, look, known, count, w)
     return count
 
 
 @kernel(separate=True)
 def judge_pair(
-    i: int, j: int, need: float, look: float, count: int, w: Workspace
+    i: int, j: int, need: float, look: float, known: float, count: int, w: Workspace
 ) -> int:
     """Measure a pair and prove it, if it may matter; write its row, if it is near.
 
@@ -146,6 +155,7 @@ def judge_pair(
         j: Higher primitive.
         need: Static need of the pair, inf if it has to be proven in full [m].
         look: Distance beyond which the pair does not matter [m].
+        known: Lower bound of its distance during the stops [m].
         count: Count of rows of the answer.
         w: The workspace.
 
@@ -156,7 +166,7 @@ def judge_pair(
         return count
     v, near = w.watch, w.near[count]
     distance = near.distance
-    if distance > w.settings.margin and is_far_along(i, j, need, near, w):
+    if distance > w.settings.margin and is_far_along(i, j, need, known, near, w):
         return count
     open_row(i, j, near, w)
     if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
@@ -175,13 +185,16 @@ def judge_pair(
 
 
 @kernel
-def is_far_along(i: int, j: int, need: float, near: NearRow, w: Workspace) -> bool:
+def is_far_along(
+    i: int, j: int, need: float, known: float, near: NearRow, w: Workspace
+) -> bool:
     """Whether a measured pair cannot matter by its motion along the normal.
 
     Args:
         i: Lower primitive.
         j: Higher primitive.
         need: Static need of the pair, inf if it has to be proven in full [m].
+        known: Lower bound of its distance during the stops [m].
         near: The pair's row; its witness is written already.
         w: The workspace.
     """
@@ -197,26 +210,10 @@ def is_far_along(i: int, j: int, need: float, near: NearRow, w: Workspace) -> bo
     shared = shared_joints(body_i, body_j, m)
     speed = bound_along(SPEED, n, i, j, body_i, body_j, shared, m)
     kept += max(LOOK_AHEAD * v.timing.slow_time * speed, hidden_by_error(i, j, w, v))
-    travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
-    if near.distance - travel >= kept:
+    if known >= kept:
         return True
-    if m.effort.at_middle == 0:
-        place_at_middle(w.bodies, w.T_world, m)
-    boxes = w.world.boxes
-    return bool(middle_gap(i, j, body_i, body_j, shared, boxes, m) >= kept)
-
-
-@kernel
-def farther(boxes: Floats, i: int, j: int, distance: float) -> bool:
-    """Whether two bounding boxes are farther apart than a distance.
-
-    A NaN compares false, so that the pair is measured and the NaN is seen.
-    """
-    square = 0.0
-    for k in range(3):
-        gap = max(boxes[i, k] - boxes[j, k + 3], boxes[j, k] - boxes[i, k + 3])
-        square += gap * gap if gap > 0.0 else 0.0
-    return bool(square > distance * distance)
+    travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
+    return bool(near.distance - travel >= kept)
 
 
 @kernel

@@ -1,5 +1,7 @@
 """Third step of a cycle: measure each candidate pair once, and judge it."""
 
+from typing import Any
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from armguard.guard.levels import Reason
 from armguard.guard.planes import is_apart, remember_plane
 from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import IndexKind, Workspace
 from armguard.index.octree_query import (
     octree_candidates,
@@ -19,6 +22,7 @@ from armguard.index.octree_query import (
 )
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
+from armguard.lanes import bits, load, lowest, ones, splat
 from armguard.motion.pair_state import (
     EXCEEDED,
     NEEDED,
@@ -28,7 +32,7 @@ from armguard.motion.pair_state import (
     UNSURE,
 )
 from armguard.record import Records, copy
-from armguard.table import Vector
+from armguard.table import Matrix
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -70,29 +74,71 @@ def judge_listed(w: Workspace) -> int:
     Returns:
         Count of rows of the answer.
     """
-    kept, moved, pairs = w.kept, w.moved, w.watch.pairs
+    kept, moved, v = w.kept, w.moved, w.watch
     residency, everything = w.octree.residency, w.groups.shape[0]
+    for i in range(everything):
+        grow_box(i, 0.5 * w.settings.margin, w.world.boxes, v)
     kept_count = w.memory.kept_count
     next_kept = count = 0
     last = -1
-    for k in range(pairs.shape[0]):
-        i, j = int(pairs[k, 0]), int(pairs[k, 1])
+    for b in range(v.pair_blocks.shape[0]):
+        block = v.pair_blocks[b]
+        i, first, left = int(block[0]), int(block[1]), int(block[2])
+        near = may_meet(b, splat(0.0), v)
         if i != last:
             count, next_kept = take_kept(
                 last, everything, next_kept, kept_count, count, moved, kept, w
             )
             last = i
-        if not (moved[i] or moved[j]):
-            continue
-        if residency[i].status == ABSENT or residency[j].status == ABSENT:
-            continue
-        if boxes_apart(w.world.boxes, i, j, w.settings.margin):
-            w.header.pairs_filtered += 1.0
-            continue
-        count, next_kept = take_kept(i, j, next_kept, kept_count, count, moved, kept, w)
-        count = judge_candidate(i, j, count, w)
+        if moved[i]:
+            w.header.pairs_filtered += ones(left & ~near)
+            left = near
+        while left != 0:
+            lane = lowest(left)
+            j = first + lane
+            left &= left - 1
+            if not (moved[i] or moved[j]):
+                continue
+            if residency[i].status == ABSENT or residency[j].status == ABSENT:
+                continue
+            if near >> lane & 1 == 0:
+                w.header.pairs_filtered += 1.0
+                continue
+            count, next_kept = take_kept(
+                i, j, next_kept, kept_count, count, moved, kept, w
+            )
+            count = judge_candidate(i, j, count, w)
     count, _ = take_kept(last, everything, next_kept, kept_count, count, moved, kept, w)
     return int(count)
+
+
+@kernel
+def grow_box(i: int, way: float, boxes: Matrix, v: Watch) -> None:
+    """Write a bounding box, grown on all sides, as the swept box of a primitive."""
+    for k in range(3):
+        v.swept[k, i] = boxes[i, k] - way
+        v.swept[k + 3, i] = boxes[i, k + 3] + way
+
+
+@kernel
+def may_meet(block: int, need: Any, v: Watch) -> int:
+    """Bits of the pairs of a block whose swept boxes are no farther apart than a need.
+
+    A NaN compares false, so that the pair is measured and the NaN is seen.
+
+    Args:
+        block: The block, see `Watch.pair_blocks`.
+        need: The need of each pair, as lanes [m].
+        v: Watch; the swept boxes are written already.
+    """
+    row, swept = v.pair_blocks[block], v.swept
+    i, first = int(row[0]), int(row[1])
+    apart = swept[0, i] - load(swept[3], first) > need
+    apart = apart | (load(swept[0], first) - swept[3, i] > need)
+    for k in range(1, 3):
+        apart = apart | (swept[k, i] - load(swept[k + 3], first) > need)
+        apart = apart | (load(swept[k], first) - swept[k + 3, i] > need)
+    return int(row[2]) & ~bits(apart)
 
 
 @kernel
@@ -285,23 +331,15 @@ def take_kept(
 
 @kernel
 def boxes_apart(boxes: Floats, i: int, j: int, margin: float) -> bool:
-    """Whether two bounding boxes are farther apart than the margin on some axis."""
-    return bool(apart(boxes[i], boxes[j], margin))
-
-
-@kernel
-def apart(a: Vector, b: Vector, distance: float) -> bool:
-    """Whether two boxes are farther apart than a distance on some axis.
+    """Whether two bounding boxes are farther apart than the margin on some axis.
 
     A NaN compares false, so that the pair is measured and the NaN is seen.
-
-    Args:
-        a: Least and greatest coordinates of one box, shape (6,) [m].
-        b: Those of the other, of that shape.
-        distance: The distance [m].
     """
     for k in range(3):
-        if a[k] - b[k + 3] > distance or b[k] - a[k + 3] > distance:
+        if (
+            boxes[i, k] - boxes[j, k + 3] > margin
+            or boxes[j, k] - boxes[i, k + 3] > margin
+        ):
             return True
     return False
 

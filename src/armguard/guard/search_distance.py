@@ -1,8 +1,11 @@
 """Search distances: how near the other side of a pair must be to matter."""
 
+from math import inf
+
 import numpy as np
 
-from armguard.guard.near_pairs import apart
+from armguard.geometry.vec3 import Vec3
+from armguard.guard.near_pairs import grow_box
 from armguard.guard.needs import (
     LOOK_AHEAD,
     look_distance,
@@ -20,9 +23,12 @@ from armguard.motion.twist_bound import (
     SPEED,
     TRAVEL,
     bound_twists,
+    middle_gap,
     own_bound,
+    place_at_middle,
     relative_bound,
 )
+from armguard.table import Matrix
 
 # Search distance beyond the travel of the pending commands, for desired ones [m].
 LOOK_MORE = 5e-3
@@ -67,10 +73,7 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
         if v.tight[i] == 0:
             v.ahead[i] = new_commands(v) + time * m.rate[i]
             v.look[i] = lever_look(i, v, m)
-            way = max(v.look[i], half)
-            for k in range(3):
-                v.swept[i, k] = boxes[i, k] - way
-                v.swept[i, k + 3] = boxes[i, k + 3] + way
+            grow_box(i, max(v.look[i], half), boxes, v)
             continue
         v.ahead[i] = new_commands(v) * (1.0 + AHEAD_TIME / LOOK_MORE * m.rate[i])
         body = w.bodies[i]
@@ -78,14 +81,33 @@ def write_looks(w: Workspace, v: Watch, m: Motion) -> None:
         speed, rate, faster = own_bound(SPEED, i, body, m)
         travel, speed = min(m.reach[NEXT, i], travel), min(m.rate[i], speed)
         error = hidden(i, v, m)
-        v.look[i] = travel + max(time * speed, error) + v.ahead[i]
+        v.reserve[i] = max(time * speed, error) + v.ahead[i]
+        v.look[i] = travel + v.reserve[i]
         for k in range(3):
             back = more[k] - way[k] + max(time * (faster[k] - rate[k]), error)
             back = min(max(back, 0.0) + v.ahead[i], v.look[i])
-            v.swept[i, k] = boxes[i, k] - max(back, half)
+            v.swept[k, i] = boxes[i, k] - max(back, half)
             forth = more[k] + way[k] + max(time * (faster[k] + rate[k]), error)
             forth = min(max(forth, 0.0) + v.ahead[i], v.look[i])
-            v.swept[i, k + 3] = boxes[i, k + 3] + max(forth, half)
+            v.swept[k + 3, i] = boxes[i, k + 3] + max(forth, half)
+
+
+@kernel
+def swept_apart(i: int, j: int, need: float, w: Workspace) -> bool:
+    """Whether the swept boxes of a pair are farther apart than its need.
+
+    A NaN compares false, so that the pair is measured and the NaN is seen.
+    """
+    swept, boxes = w.watch.swept, w.world.boxes
+    for k in range(3):
+        if j < w.settings.moving_count:
+            low, high, way = swept[k, j], swept[k + 3, j], need
+        else:
+            low, high = boxes[j, k], boxes[j, k + 3]
+            way = need + 0.5 * w.settings.margin
+        if swept[k, i] - high > way or low - swept[k + 3, i] > way:
+            return True
+    return False
 
 
 @kernel
@@ -116,32 +138,8 @@ def lever_look(i: int, v: Watch, m: Motion) -> float:
 
 
 @kernel
-def closer_look(i: int, j: int, need: float, look: float, w: Workspace) -> float:
-    """Search distance of a pair by the relative motion of its sides [m].
-
-    Args:
-        i: Lower primitive.
-        j: Higher primitive.
-        need: Static need of the pair [m].
-        look: The sum of that and the search distances of both sides [m].
-        w: The workspace.
-    """
-    v, m = w.watch, w.motion
-    if j >= m.rate.shape[0] or v.tight[i] == 0 or v.tight[j] == 0:
-        return look
-    body_i, body_j = w.bodies[i], w.bodies[j]
-    shared = shared_joints(body_i, body_j, m)
-    travel = relative_bound(TRAVEL, i, j, body_i, body_j, shared, m)
-    speed = relative_bound(SPEED, i, j, body_i, body_j, shared, m)
-    more = max(
-        LOOK_AHEAD * v.timing.slow_time * speed, hidden(i, v, m) + hidden(j, v, m)
-    )
-    return float(min(look, need + travel + more + v.ahead[i] + v.ahead[j]))
-
-
-@kernel
-def pair_look(i: int, j: int, need: float, w: Workspace) -> tuple[float, float]:
-    """Need of a pair, and the distance beyond which the pair cannot matter [m].
+def pair_look(i: int, j: int, need: float, w: Workspace) -> Vec3:
+    """Need of a pair, and what is known of its distance before it is measured [m].
 
     Args:
         i: Lower primitive.
@@ -150,24 +148,57 @@ def pair_look(i: int, j: int, need: float, w: Workspace) -> tuple[float, float]:
         w: The workspace.
 
     Returns:
-        The need, inf where the pair has to be proven in full; the distance, negative
-        if swept boxes show already that the pair cannot matter.
+        The need, inf where the pair has to be proven in full; the distance beyond which
+        the pair cannot matter, negative if it is known already not to matter; and a
+        lower bound of the distance during the stops, minus infinity if there is none.
     """
-    v, m, margin = w.watch, w.motion, w.settings.margin
+    v, m, margin, boxes = w.watch, w.motion, w.settings.margin, w.world.boxes
     moves = j < w.settings.moving_count
     if w.settings.contracts != 0 and w.grips.may[w.groups[i], w.groups[j]] != 0:
         look = need + lever_look(i, v, m)
-        look += lever_look(j, v, m) if moves else 0.0
-        return (np.inf, max(margin, look))
+        look = max(margin, look + lever_look(j, v, m) if moves else look)
+        return (inf, -1.0 if farther(boxes, i, j, look) else look, -inf)
+    if swept_apart(i, j, need, w):
+        return (need, -1.0, -inf)
+    known = v.tight[i] != 0 and not (moves and v.tight[j] == 0)
+    body_i, body_j, shared = w.bodies[i], -1, 0
+    look, reserve = need + v.look[i], need + v.reserve[i]
     if moves:
-        if apart(v.swept[i], v.swept[j], need):
-            return (need, -1.0)
-        look = closer_look(i, j, need, need + v.look[i] + v.look[j], w)
-    else:
-        if apart(v.swept[i], w.world.boxes[j], need + 0.5 * margin):
-            return (need, -1.0)
-        look = need + v.look[i]
-    return (need, max(margin, look))
+        body_j = w.bodies[j]
+        shared = shared_joints(body_i, body_j, m)
+        look += v.look[j]
+    if moves and known:
+        travel = relative_bound(TRAVEL, i, j, body_i, body_j, shared, m)
+        speed = relative_bound(SPEED, i, j, body_i, body_j, shared, m)
+        more = max(
+            LOOK_AHEAD * v.timing.slow_time * speed, hidden(i, v, m) + hidden(j, v, m)
+        )
+        look = min(look, need + travel + more + v.ahead[i] + v.ahead[j])
+        reserve = need + more + v.ahead[i] + v.ahead[j]
+    look = max(margin, look)
+    if farther(boxes, i, j, look):
+        return (need, -1.0, -inf)
+    if not known:
+        return (need, look, -inf)
+    if m.effort.at_middle == 0:
+        place_at_middle(w.bodies, w.T_world, m)
+    gap = middle_gap(i, j, body_i, body_j, shared, boxes, m)
+    if gap > margin and gap >= reserve:
+        return (need, -1.0, gap)
+    return (need, look, gap)
+
+
+@kernel
+def farther(boxes: Matrix, i: int, j: int, distance: float) -> bool:
+    """Whether two bounding boxes are farther apart than a distance.
+
+    A NaN compares false, so that the pair is measured and the NaN is seen.
+    """
+    square = 0.0
+    for k in range(3):
+        gap = max(boxes[i, k] - boxes[j, k + 3], boxes[j, k] - boxes[i, k + 3])
+        square += gap * gap if gap > 0.0 else 0.0
+    return bool(square > distance * distance)
 
 
 @kernel

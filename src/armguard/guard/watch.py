@@ -142,7 +142,7 @@ GIVES_UP = 4
 
 # Greatest count of primitives for which testing all pairs is faster than a search in
 # the index.
-FEW = 128
+FEW = 256
 
 # Greatest count of pairs recorded in a cycle for a second proof by their headroom.
 JUDGED_ROOM = 4096
@@ -195,14 +195,17 @@ class Watch(NamedTuple):
             top speed; inf if absent, shape (p,) or (0,) [s].
         robot_of: Robot of each moving primitive, -1 if none, shape (m,).
         movers: Primitives whose top speed is not 0, shape (k,).
-        pairs: Every checked pair of a small scene, see `all_pairs`, shape (c, 2) [-].
-        pair_need: Static need of each of these pairs, without the travel of an object
-            since it was seen, shape (c,) [m].
+        pair_blocks: Every checked pair of a small scene: a primitive, the first of
+            eight others, and a bit for each of these; in ascending order, (c, 3) [-].
+        block_need: Static need of each of these pairs, without the travel of an object
+            since it was seen, shape (c, 8) [m].
         look: Scratch for the search distance of each primitive, shape (p,) [m].
         ahead: Scratch for the part of it that covers new commands, shape (m,) [m].
+        reserve: Scratch for that part and what the look-ahead adds, shape (m,) [m].
         tight: Scratch, 1 where it follows from twists and not from levers, (m,).
         swept: Scratch for the swept box of each moving primitive: where a stop may
-            carry it, with half of the margin or more around it, shape (m, 6) [m].
+            carry it, with half of the margin or more around it; of a small scene also
+            that of the others, shape (6, k) [m].
         wanted: Desired velocities of this cycle, and then the sent ones, shape (n,).
         sent: Ring of sent commands, shape (c, n).
         sent_at: Time of each sent command, shape (c,) [s].
@@ -287,10 +290,11 @@ class Watch(NamedTuple):
     seen_at: Vector
     robot_of: IntVector
     movers: IntVector
-    pairs: IntMatrix
-    pair_need: Vector
+    pair_blocks: IntMatrix
+    block_need: Matrix
     look: Vector
     ahead: Vector
+    reserve: Vector
     tight: LongVector
     swept: Matrix
     wanted: Vector

@@ -16,267 +16,20 @@ vertices of the core are tested, and a radius moves with its centre. Motion comm
 both sides changes no distance and is left out.
 """
 
-from math import inf
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
-from armguard.geometry.core_support import core_support
-from armguard.geometry.shapes.kind import ShapeKind
-from armguard.geometry.vec3 import Vec3, add, dot
+from armguard.geometry.vec3 import Vec3
 from armguard.kernel import kernel
-from armguard.motion.joint_rows import (
-    TURNED,
-    Ends,
-    SideMotion,
-    joint_ranges,
-    joint_rows,
-    point_reach,
-)
+from armguard.motion.joint_rows import SideMotion, joint_ranges, joint_rows
 from armguard.motion.pair_state import Pair, levers_of
+from armguard.motion.side_reach import side_reach
 from armguard.motion.state import NODES, WHOLE, Motion
 from armguard.robot.kinematics import PRISMATIC
 from armguard.table import Matrix
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-
-
-SPHERE = int(ShapeKind.SPHERE)
-CAPSULE = int(ShapeKind.CAPSULE)
-BOX = int(ShapeKind.BOX)
-TRIANGLE = int(ShapeKind.TRIANGLE)
-CYLINDER = int(ShapeKind.CYLINDER)
-CONE = int(ShapeKind.CONE)
-ELLIPSOID = int(ShapeKind.ELLIPSOID)
-HULL = int(ShapeKind.HULL)
-HALF_SPACE = int(ShapeKind.HALF_SPACE)
-
-
-# Above this count of vertices, a bound over the box of a hull costs less than it saves.
-MANY = 16
-
-# Numbers for that bound; and what its rounding cannot exceed [m].
-BOUNDS_ROOM = 16
-ROUNDING = 1e-12
-
-
-@kernel(inline=False)
-def side_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
-    """Greatest `n·p` over a primitive's points and all positions, to second order [m].
-
-    A vertex is skipped if it cannot reach the greatest value even with the displacement
-    bound.
-
-    Args:
-        kind: ShapeKind of the primitive.
-        row: Row of the primitive in the world, shape (16,).
-        s: The joints that move it.
-
-    Returns:
-        The value twice, or one for each end of the line.
-    """
-    if s.end <= s.first:
-        if kind == HALF_SPACE:
-            reach = half_space_reach(row, s.n)
-        else:
-            reach = row[0] + core_reach(kind, row, s.n)
-        return (reach, reach)
-    if kind == HALF_SPACE or kind == TRIANGLE:
-        # Neither is part of a link.
-        return (inf, inf)
-    if kind == SPHERE or kind == CAPSULE:
-        one, other = segment_reach(kind, row, s)
-    elif kind == HULL:
-        one, other = hull_reach(row, s)
-    else:
-        one, other = box_reach(kind, row, s)
-    return (row[0] + one, row[0] + other)
-
-
-@kernel
-def segment_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
-    """Greatest reach of a sphere's centre, or of the ends of a capsule's axis [m]."""
-    p = (row[1], row[2], row[3])
-    if kind == SPHERE:
-        return point_reach(dot(s.n, p), p, s)
-    q = (row[4], row[5], row[6])
-    if dot(s.n, q) > dot(s.n, p):
-        p, q = q, p
-    one, other = point_reach(dot(s.n, p), p, s)
-    if dot(s.n, q) + s.most > min(one, other):
-        first_end, last_end = point_reach(dot(s.n, q), q, s)
-        one, other = max(one, first_end), max(other, last_end)
-    return (one, other)
-
-
-@kernel
-def box_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
-    """Greatest reach of a box's corners, or of a curved core within a box [m].
-
-    A curved core reaches at most its support plus the growth of the box about it.
-    """
-    x, y, z = row[4], row[5], row[6]
-    if kind == CYLINDER or kind == CONE:
-        x = y = max(row[4], row[6])
-        z = row[5]
-    elif kind != BOX and kind != ELLIPSOID:
-        x = y = z = row[6]
-    # Reach of a corner: its projection plus its growth.
-    one = other = way_one = way_other = -inf
-    for c in range(8):
-        p = corner(row, x, y, z, c)
-        still = dot(s.n, p)
-        if kind == BOX and still + s.most <= min(one, other):
-            continue
-        first_end, last_end = point_reach(0.0, p, s)
-        one, other = max(one, still + first_end), max(other, still + last_end)
-        way_one, way_other = max(way_one, first_end), max(way_other, last_end)
-    if kind == BOX:
-        return (one, other)
-    core = core_reach(kind, row, s.n)
-    return (min(one, core + way_one), min(other, core + way_other))
-
-
-@kernel
-def core_reach(kind: int, row: Floats, n: Vec3) -> float:
-    """Greatest `n·p` of a core [m]."""
-    return dot(n, add((row[1], row[2], row[3]), core_support(kind, row, n)))
-
-
-@kernel
-def half_space_reach(row: Floats, n: Vec3) -> float:
-    """Greatest `n·p` of a half-space [m]: finite only along its own outward normal.
-
-    The plane's own normal replaces the direction, so the two may differ by round-off
-    only: the effect of an angle would grow with the coordinates of the other primitive.
-    """
-    outward = (row[4], row[5], row[6])
-    for k in range(3):
-        if not abs(n[k] - outward[k]) <= TURNED:
-            return inf
-    return float(row[0] + dot(outward, (row[1], row[2], row[3])))
-
-
-@kernel
-def corner(row: Floats, x: float, y: float, z: float, c: int) -> Vec3:
-    """Corner c of a box about a row's origin, in the world."""
-    return point_at(row, x if c & 1 else -x, y if c & 2 else -y, z if c & 4 else -z)
-
-
-@kernel
-def point_at(row: Floats, x: float, y: float, z: float) -> Vec3:
-    """A point of a row's frame, in the world."""
-    return (
-        row[1] + row[7] * x + row[8] * y + row[9] * z,
-        row[2] + row[10] * x + row[11] * y + row[12] * z,
-        row[3] + row[13] * x + row[14] * y + row[15] * z,
-    )
-
-
-@kernel
-def hull_reach(row: Floats, s: SideMotion) -> Ends:
-    """Greatest reach of a hull's vertices [m]."""
-    n, vertices = s.n, int(row[5])
-    v = numba.carray(pointer(int(row[4])), (3 * vertices,), np.float64)
-    # n in the frame of the hull.
-    x = row[7] * n[0] + row[10] * n[1] + row[13] * n[2]
-    y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
-    z = row[9] * n[0] + row[12] * n[1] + row[15] * n[2]
-    base = dot(n, (row[1], row[2], row[3]))
-    bounds = numba.carray(stack(BOUNDS_ROOM), (2, 8), np.float64)
-    box = numba.carray(stack(6), (6,), np.float64)
-    bounded = vertices > MANY
-    best = 0
-    if bounded:
-        box_of_vertices(v, vertices, box)
-        bound_in_box(box, row, s, bounds)
-        best = highest_vertex(v, vertices, box, bounds)
-    one = other = -inf
-    for step in range(vertices):
-        # The vertex with the greatest bound comes first: it rules out most others.
-        i = best if step == 0 else step - 1 if step <= best else step
-        a, b, c = v[i], v[i + vertices], v[i + 2 * vertices]
-        if base + x * a + y * b + z * c + s.most <= min(one, other):
-            continue
-        if bounded and step > 0:
-            first_bound, last_bound = interpolated(a, b, c, box, bounds)
-            if first_bound + ROUNDING <= one and last_bound + ROUNDING <= other:
-                continue
-        p = point_at(row, a, b, c)
-        first_end, last_end = point_reach(dot(n, p), p, s)
-        one, other = max(one, first_end), max(other, last_end)
-    return (one, other)
-
-
-@kernel
-def box_of_vertices(v: Floats, vertices: int, box: Floats) -> None:
-    """Write least and greatest coordinates of a hull's vertices, in its frame [m]."""
-    for k in range(3):
-        least, most = inf, -inf
-        for i in range(k * vertices, (k + 1) * vertices):
-            least, most = min(least, v[i]), max(most, v[i])
-        box[k], box[k + 3] = least, most
-
-
-@kernel
-def bound_in_box(box: Floats, row: Floats, s: SideMotion, bounds: Matrix) -> None:
-    """Write an interpolation that bounds the reach of every point in a box.
-
-    The reach is a convex function of the point, so between the corners of a box it is
-    at most the trilinear interpolation of its values there.
-
-    Args:
-        box: Least and greatest coordinates in the frame of the row [m].
-        row: Row of the primitive in the world.
-        s: The joints that move it.
-        bounds: Coefficients of both ends, overwritten, shape (2, 8): that of a product
-            of coordinates from the box's least ones is at the index with the bits of
-            its factors.
-    """
-    for k in range(8):
-        a, b, c = box[3 * (k & 1)], box[1 + 3 * (k >> 1 & 1)], box[2 + 3 * (k >> 2)]
-        p = point_at(row, a, b, c)
-        bounds[0, k], bounds[1, k] = point_reach(dot(s.n, p), p, s)
-    for end in range(2):
-        for axis in range(3):
-            width = box[axis + 3] - box[axis]
-            for k in range(8):
-                if k >> axis & 1:
-                    slope = bounds[end, k] - bounds[end, k ^ (1 << axis)]
-                    bounds[end, k] = slope / width if width > 0.0 else 0.0
-
-
-@kernel
-def interpolated(a: float, b: float, c: float, box: Floats, bounds: Matrix) -> Ends:
-    """Bound of the reach of a point of a box at both ends of the line [m]."""
-    x, y, z = a - box[0], b - box[1], c - box[2]
-    one, other = bounds[0], bounds[1]
-    return (
-        one[0]
-        + x * (one[1] + y * (one[3] + z * one[7]) + z * one[5])
-        + y * (one[2] + z * one[6])
-        + z * one[4],
-        other[0]
-        + x * (other[1] + y * (other[3] + z * other[7]) + z * other[5])
-        + y * (other[2] + z * other[6])
-        + z * other[4],
-    )
-
-
-@kernel
-def highest_vertex(v: Floats, vertices: int, box: Floats, bounds: Matrix) -> int:
-    """Index of the vertex with the greatest bound."""
-    best, most = 0, -inf
-    for i in range(vertices):
-        one, other = interpolated(
-            v[i], v[i + vertices], v[i + 2 * vertices], box, bounds
-        )
-        if one + other > most:
-            best, most = i, one + other
-    return best
 
 
 @kernel
@@ -349,8 +102,8 @@ def range_reach(side: int, n: Vec3, p: Pair, m: Motion) -> float:
     chain, own, sizes = m.joints[body], levers_of(side, p, m), m.spread[plan]
     joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, m.lever_rows)
     joint_ranges(chain, first, count, m.middle[plan], m.width[plan], m.lever_rows)
-    most = most_way(chain, first, count, own, sizes)
-    s = SideMotion(n, False, most, first, count, m.lever_rows, m.hessian)
+    way = most_way(chain, first, count, own, sizes)
+    s = SideMotion(n, False, way, first, count, m.lever_rows, m.hessian)
     reach, _ = side_reach(kind, a, s)
     return float(reach + curvature(chain, first, count, own, m.joint_kind, sizes))
 
@@ -393,8 +146,8 @@ def line_reach(
         axes, origin = m.node_axes, at * m.parent.shape[0]
     joint_rows(n, chain, first, count, axes, origin, m.joint_kind, m.lever_rows)
     line_ranges(chain, first, count, at, box, m)
-    most = most_way(chain, first, count, own, m.sizes)
-    s = SideMotion(n, True, most, first, count, m.lever_rows, m.hessian)
+    way = most_way(chain, first, count, own, m.sizes)
+    s = SideMotion(n, True, way, first, count, m.lever_rows, m.hessian)
     one, other = side_reach(kind, a, s)
     bend = curvature(chain, first, count, own, m.joint_kind, m.sizes)
     return (one, other, bend)

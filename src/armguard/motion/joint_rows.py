@@ -1,12 +1,17 @@
-"""Derivatives of a point's position along a direction by the joints of its chain."""
+"""Derivatives of positions along a direction by the joints of a chain.
 
-from typing import Annotated, NamedTuple
+Points are bounded eight at a time, one in each lane: the corners of a box, or the ends
+of a capsule and six places that nobody reads.
+"""
+
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, cross, dot, sub
 from armguard.kernel import kernel
+from armguard.lanes import WIDTH, either, load, most, size, some, splat, store
 from armguard.record import Records, record
 from armguard.robot.kinematics import PRISMATIC
 from armguard.table import Matrix
@@ -16,6 +21,9 @@ Ints = NDArray[np.int32]
 
 # Reach at both ends of a line, or one value twice [m].
 Ends = tuple[float, float]
+
+# A number for each of eight points.
+Eight = Annotated[Floats, (WIDTH,)]
 
 # Greatest round-off of a unit normal's coordinate: a micrometre per 10⁹ m [-].
 TURNED = 1e-15
@@ -39,12 +47,11 @@ class JointRow:
         width: Greatest deviation from that [rad or m].
         half_line: Half of the joint's line, signed [rad or m].
         widening: Change of the width from the middle of the line to its end.
-        gradient: Gradient at the vertex that is tested.
+        gradient: Gradient at each of eight points, shape (8,).
         gradient_change: Change of it from the middle of the line to its end.
         end_gradient: Gradient at the joints' place on their line.
         end_width: Width at that place; 0 once the end of the range with the greatest
             value is known.
-        undecided: 1 until that end is known.
     """
 
     slope: Annotated[Floats, (3,)]
@@ -56,11 +63,10 @@ class JointRow:
     width: float
     half_line: float
     widening: float
-    gradient: float
-    gradient_change: float
-    end_gradient: float
-    end_width: float
-    undecided: int
+    gradient: Eight
+    gradient_change: Eight
+    end_gradient: Eight
+    end_width: Eight
 
 
 class SideMotion(NamedTuple):
@@ -73,7 +79,7 @@ class SideMotion(NamedTuple):
         first: First joint of the chain that counts.
         end: Length of the chain; at most `first` for a static side.
         rows: Derivatives and ranges, shape (depth,).
-        hessian: Second derivatives of `n·p`, shape (depth, depth).
+        hessian: Second derivatives of `n·p` at eight points, shape (depth, 8 · depth).
     """
 
     n: Vec3
@@ -146,112 +152,136 @@ def joint_ranges(
         row.middle, row.width = middle[b], width[b]
 
 
-@kernel
-def point_reach(still: float, p: Vec3, s: SideMotion) -> Ends:
-    """Greatest `n·p` of a vertex to second order, at both ends of a line [m].
+@kernel(inline=False)
+def points_reach(grows: bool, points: Matrix, s: SideMotion, reach: Matrix) -> None:
+    """Write the greatest `n·p` of eight points to second order, at both ends of a line.
 
     Args:
-        still: `n·p` of the vertex at rest; 0 for the growth alone [m].
-        p: Vertex of the core, in the world [m].
-        s: The joints that move it.
+        grows: Whether only the growth is wanted, without the points' own `n·p`.
+        points: Coordinates x, y, z of the points in the world, shape (3, 8) [m].
+        s: The joints that move them.
+        reach: The values at both ends, overwritten, shape (2, 8) [m].
     """
+    p = (load(points[0], 0), load(points[1], 0), load(points[2], 0))
+    still = splat(0.0)
+    if not grows:
+        still = dot(s.n, p)
     differentiate(p, s)
     if s.line:
-        return line_ends(still, s)
-    way = bend = 0.0
+        line_ends(still, s, reach)
+        return
+    way = bend = splat(0.0)
     for k in range(s.first, s.end):
         own, second = s.rows[k], s.hessian[k]
-        turned = 0.0
+        gradient, turned = load(own.gradient, 0), splat(0.0)
         for j in range(s.first, s.end):
-            turned += second[j] * s.rows[j].middle
-        way += own.gradient * own.middle
-        bend += 0.5 * own.middle * turned
-        own.end_gradient, own.end_width = own.gradient + turned, own.width
-    reach = still + way + bend + widest(s)
-    return (reach, reach)
+            turned = turned + load(second, WIDTH * j) * s.rows[j].middle
+        way = way + gradient * own.middle
+        bend = bend + turned * (0.5 * own.middle)
+        store(own.end_gradient, 0, gradient + turned)
+        store(own.end_width, 0, splat(own.width))
+    found = still + way + bend + widest(s)
+    store(reach[0], 0, found)
+    store(reach[1], 0, found)
 
 
 @kernel
-def line_ends(still: float, s: SideMotion) -> Ends:
-    """Greatest `n·p` at each end of the joints' line, valid also in between [m]."""
-    way = bend = grown = 0.0
+def line_ends(still: Any, s: SideMotion, reach: Matrix) -> None:
+    """Write the greatest `n·p` at each end of the joints' line, valid in between too.
+
+    Args:
+        still: `n·p` of eight points at rest, as lanes [m].
+        s: The joints; their derivatives are written already.
+        reach: The values at both ends, overwritten, shape (2, 8) [m].
+    """
+    way = bend = grown = splat(0.0)
     for k in range(s.first, s.end):
         own, second = s.rows[k], s.hessian[k]
-        curved = mixed = 0.0
+        curved = mixed = splat(0.0)
         for j in range(s.first, s.end):
-            curved += second[j] * s.rows[j].half_line
-            mixed += abs(second[j]) * abs(s.rows[j].widening)
-        way += own.gradient * own.half_line
-        bend += 0.5 * own.half_line * curved
-        grown += (abs(own.half_line) + 0.5 * abs(own.widening)) * mixed
-        own.gradient_change = curved
+            h = load(second, WIDTH * j)
+            curved = curved + h * s.rows[j].half_line
+            mixed = mixed + size(h) * abs(s.rows[j].widening)
+        way = way + load(own.gradient, 0) * own.half_line
+        bend = bend + curved * (0.5 * own.half_line)
+        grown = grown + mixed * (abs(own.half_line) + 0.5 * abs(own.widening))
+        store(own.gradient_change, 0, curved)
     # Between the ends of a line the value exceeds both by at most its curvature.
-    reach = still + bend + max(-bend, 0.0) + grown
-    return (reach - way + line_end(-1.0, s), reach + way + line_end(1.0, s))
+    found = still + bend + most(-bend, splat(0.0)) + grown
+    store(reach[0], 0, found - way + line_end(-1.0, s))
+    store(reach[1], 0, found + way + line_end(1.0, s))
 
 
 @kernel
-def line_end(sign: float, s: SideMotion) -> float:
+def line_end(sign: float, s: SideMotion) -> Any:
     """Greatest addition by the ranges of the joints at one end of their line [m]."""
     for k in range(s.first, s.end):
         own = s.rows[k]
-        own.end_gradient = own.gradient + sign * own.gradient_change
-        own.end_width = own.width + sign * own.widening
+        change = load(own.gradient_change, 0) * sign
+        store(own.end_gradient, 0, load(own.gradient, 0) + change)
+        store(own.end_width, 0, splat(own.width + sign * own.widening))
     return widest(s)
 
 
 @kernel
-def differentiate(p: Vec3, s: SideMotion) -> None:
-    """Write the first and second derivatives of n·p by the joints."""
+def differentiate(p: Any, s: SideMotion) -> None:
+    """Write the first and second derivatives of n·p by the joints, p as lanes."""
     for k in range(s.first, s.end):
         own = s.rows[k]
-        own.gradient = dot((own.slope[0], own.slope[1], own.slope[2]), p) + own.level
-        move = (own.axis[0], own.axis[1], own.axis[2])
+        slope = dot((own.slope[0], own.slope[1], own.slope[2]), p)
+        store(own.gradient, 0, slope + own.level)
+        move = (splat(own.axis[0]), splat(own.axis[1]), splat(own.axis[2]))
         if own.revolute:
             origin = (own.origin[0], own.origin[1], own.origin[2])
             move = cross(move, sub(p, origin))
         for j in range(s.first, k + 1):
-            slope = s.rows[j].slope
-            h = dot((slope[0], slope[1], slope[2]), move)
-            s.hessian[k, j] = s.hessian[j, k] = h
+            other = s.rows[j].slope
+            h = dot((other[0], other[1], other[2]), move)
+            store(s.hessian[k], WIDTH * j, h)
+            store(s.hessian[j], WIDTH * k, h)
 
 
 @kernel
-def widest(s: SideMotion) -> float:
+def widest(s: SideMotion) -> Any:
     """Upper bound of `Σ g Δ + ½ Σ Σ h Δ Δ` for Δ within plus and minus the widths.
 
     If g exceeds every change that h can make to it, the greatest value is at that end
     of the joint's range for any values of the others, whose g is then updated. For the
     remaining joints each term takes its greatest size.
     """
-    total = 0.0
-    for k in range(s.first, s.end):
-        s.rows[k].undecided = 1
+    total, nothing = splat(0.0), splat(0.0)
     for _ in range(2):
         for k in range(s.first, s.end):
             own, second = s.rows[k], s.hessian[k]
-            if not own.undecided:
+            width = load(own.end_width, 0)
+            open_still = size(width) > nothing
+            if not some(open_still):
                 continue
-            g = own.end_gradient
-            if not abs(g) >= doubt(second, s):
+            g = load(own.end_gradient, 0)
+            decided = open_still & (size(g) >= doubt(second, s))
+            if not some(decided):
                 continue
-            move = own.end_width if g >= 0.0 else -own.end_width
-            own.undecided, own.end_width = 0, 0.0
-            total += g * move + 0.5 * second[k] * move * move
+            move = either(decided, either(g >= nothing, width, -width), nothing)
+            store(own.end_width, 0, either(decided, nothing, width))
+            total = total + (g * move + move * (load(second, WIDTH * k) * 0.5) * move)
             for j in range(s.first, s.end):
-                s.rows[j].end_gradient += second[j] * move
+                gradient = s.rows[j].end_gradient
+                change = load(second, WIDTH * j) * move
+                store(gradient, 0, load(gradient, 0) + change)
     for k in range(s.first, s.end):
         own = s.rows[k]
-        if own.undecided:
-            change = doubt(s.hessian[k], s)
-            total += own.end_width * (abs(own.end_gradient) + 0.5 * change)
+        change = doubt(s.hessian[k], s) * 0.5
+        total = total + load(own.end_width, 0) * (
+            size(load(own.end_gradient, 0)) + change
+        )
     return total
 
 
 @kernel
-def doubt(second: Floats, s: SideMotion) -> float:
+def doubt(second: Floats, s: SideMotion) -> Any:
     """Greatest change of a joint's gradient by the joints that are undecided."""
-    total = 0.0
+    total = splat(0.0)
     for j in range(s.first, s.end):
-        total += abs(second[j]) * s.rows[j].end_width
+        width = load(s.rows[j].end_width, 0)
+        total = total + size(load(second, WIDTH * j)) * width
     return total

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.lanes import WIDTH
 from armguard.motion import figures as place
 from armguard.motion.chains import (
     Chains,
@@ -98,7 +99,7 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         corner_T=np.zeros((b, 12)),
         columns=records(2 * depth, JointColumn),
         lever_rows=records(depth, JointRow),
-        hessian=np.zeros((depth, depth)),
+        hessian=np.zeros((depth, WIDTH * depth)),
         swings=records(n, JointSwing),
     )
 

@@ -229,7 +229,8 @@ class Motion(NamedTuple):
         columns: Scratch for Jacobians of a pair, shape (2 · depth,).
         lever_rows: Scratch for gradients, see `joint_rows`, one row for each joint of a
             chain, shape (depth,).
-        hessian: Scratch for second derivatives by these joints, shape (depth, depth).
+        hessian: Scratch for second derivatives by these joints at eight points, shape
+            (depth, 8 · depth).
         swings: Swing of a stop in progress, of each joint, shape (n,).
     """
 

@@ -30,13 +30,14 @@ from armguard.geometry.place import place_point, place_row
 from armguard.geometry.vec3 import Vec3, cross, norm, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.kernel import kernel
-from armguard.motion.gap_bound import curvature, side_reach
+from armguard.motion.gap_bound import curvature
 from armguard.motion.joint_rows import (
     JointRow,
     SideMotion,
     joint_ranges,
     joint_rows,
 )
+from armguard.motion.side_reach import side_reach
 from armguard.prove.pair_proof import TOUCHING
 from armguard.record import Records, record
 from armguard.robot.kinematics import PRISMATIC, forward_kinematics
@@ -102,7 +103,7 @@ class LinkPair(NamedTuple):
         placed: 1 for shapes that are placed in this box, shape (s,).
         moves: Scratch for how far each joint moves a pair, shape (n,).
         lever_rows: Scratch for gradients, see `joint_rows`, shape (depth,).
-        hessian: Scratch for second derivatives, shape (depth, depth).
+        hessian: Scratch for second derivatives, shape (depth, 8 · depth).
     """
 
     parent: IntVector

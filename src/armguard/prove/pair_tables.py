@@ -16,6 +16,7 @@ from armguard.geometry.shapes import (
     ShapeKind,
     shape_row,
 )
+from armguard.lanes import WIDTH
 from armguard.motion.chains import anchor
 from armguard.motion.joint_rows import JointRow
 from armguard.prove.box_bound import HOLD_POINTS, BoxBounds, LinkPair, bound_boxes
@@ -101,7 +102,7 @@ class PairTables:
             placed=np.zeros(shapes, dtype=np.int32),
             moves=np.zeros(max(len(self.joints), 1)),
             lever_rows=records(depth, JointRow),
-            hessian=np.zeros((depth, depth)),
+            hessian=np.zeros((depth, WIDTH * depth)),
         )
         boxes = np.ascontiguousarray(centres), np.ascontiguousarray(halves)
         bound_boxes(*boxes, int(full), Ledger(links).lines, out)

@@ -120,6 +120,11 @@ def lowest(number: int) -> int:
     return (number & -number).bit_length() - 1
 
 
+def ones(number: int) -> int:
+    """Count of the bits of a number that are set."""
+    return number.bit_count()
+
+
 def splat(number: Any) -> Any:
     """One number in every lane."""
     return np.full(WIDTH, float(number))
@@ -250,6 +255,9 @@ define_unary(
     lambda builder, number: builder.cttz(number, ir.Constant(ir.IntType(1), 1)),
     types.int64,
     types.int64,
+)
+define_unary(
+    ones, lambda builder, number: builder.ctpop(number), types.int64, types.int64
 )
 define_unary(
     splat,
