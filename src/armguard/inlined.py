@@ -1,12 +1,13 @@
-"""Compiling a kernel that is only ever a part of its callers' code.
+"""Compiling a kernel that is only a part of its callers' code, or no part of it.
 
 Numba makes machine code of every function it compiles. Callers take a kernel's bitcode
 into their own, and no one jumps to the rest: that of an inlined kernel is not made.
+No caller takes the bitcode of a separate kernel: it is not kept on disk.
 """
 
 from typing import Any
 
-from llvmlite import binding  # type: ignore[import-untyped]
+from llvmlite import binding, ir  # type: ignore[import-untyped]
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags
 
@@ -40,16 +41,48 @@ class InlinedLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._environments, self._final_module = self._final_module, whole
 
 
-class InlinedCompiler(Compiler):  # type: ignore[misc]
-    """Compiles into a library that is not emitted."""
+class SeparateLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The code of a separate kernel: to be run, not to be linked."""
+
+    def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, bytes]]:
+        """What is kept on disk: object code, and the names that it defines."""
+        self._ensure_finalized()
+        names = ir.Module(self.name)
+        for one in self.get_defined_functions():
+            function = ir.Function(names, ir.FunctionType(ir.VoidType(), ()), one.name)
+            ir.IRBuilder(function.append_basic_block()).ret_void()
+        bitcode = binding.parse_assembly(str(names)).as_bitcode()
+        return self.name, "object", (self._get_compiled_object(), bitcode)
+
+
+class KernelCompiler(Compiler):  # type: ignore[misc]
+    """Compiles into a library of its own kind.
+
+    Attributes:
+        kind: The kind.
+    """
+
+    kind: type[JITCodeLibrary]
 
     def _compile_core(self) -> Any:
         """Compile."""
         state = self.state
         name = state.func_id.func_qualname
-        state.library = InlinedLibrary(state.targetctx.codegen(), name)
+        state.library = self.kind(state.targetctx.codegen(), name)
         state.library.enable_object_caching()
         return super()._compile_core()
+
+
+class InlinedCompiler(KernelCompiler):
+    """Compiles a kernel whose machine code is not made."""
+
+    kind = InlinedLibrary
+
+
+class SeparateCompiler(KernelCompiler):
+    """Compiles a kernel whose bitcode is not kept."""
+
+    kind = SeparateLibrary
 
 
 class KernelFlags(Flags):  # type: ignore[misc]

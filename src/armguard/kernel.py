@@ -15,7 +15,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.types.misc import unliteral
 
 from armguard.errors import ArmguardError
-from armguard.inlined import InlinedCompiler, KernelFlags
+from armguard.inlined import InlinedCompiler, KernelFlags, SeparateCompiler
 from armguard.ready import KernelCache, place_of_ready_code, usable
 from armguard.separate import SeparateKernel, link, link_missing
 
@@ -173,8 +173,6 @@ def kernel(
 
     No exception inside (`error_model="numpy"`: 1/0 is infinite, not raised), no
     fast-math (a NaN must stay visible), no GIL, kept on disk in `KERNEL_CACHE`.
-    The cache folder is read by Numba when it decorates, so the setting is put back
-    at once and other users of Numba in the process keep theirs.
 
     Args:
         function: The function.
@@ -198,11 +196,17 @@ def kernel(
 
 
 class KernelDispatcher(CPUDispatcher):  # type: ignore[misc]
-    """A kernel."""
+    """A kernel.
+
+    Attributes:
+        linked: Whether all separate kernels that it may call are, see `link`.
+    """
+
+    linked = False
 
     def enable_caching(self) -> None:
         """Look for its object code where that of kernels is kept."""
-        self._cache = KernelCache(self.py_func, READY_CODE)
+        self._cache = KernelCache(self.py_func, READY_CODE, KERNEL_CACHE)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What a call of it is typed with: a literal as the number it is.
@@ -248,22 +252,18 @@ def compiled(
     function: Callable[..., Any], inline: bool, entry: bool, separate: bool
 ) -> Callable[..., Any]:
     """The function as Numba's dispatcher, which compiles when it is first called."""
-    previous = config.CACHE_DIR
-    config.CACHE_DIR = str(KERNEL_CACHE)
-    try:
-        jitted: Any = numba.njit(
-            error_model="numpy",
-            nogil=True,
-            forceinline=inline and not separate,
-            pipeline_class=Compiler if entry or separate else InlinedCompiler,
-            no_cpython_wrapper=not entry,
-            no_cfunc_wrapper=True,
-        )(function)
-        if not config.DISABLE_JIT:
-            jitted.__class__ = EntryDispatcher if entry else InnerDispatcher
-            jitted._compiler._customize_flags = KernelFlags
-            if CACHE_FAULT is None:
-                jitted.enable_caching()
-        return cast(Callable[..., Any], jitted)
-    finally:
-        config.CACHE_DIR = previous
+    compiler = SeparateCompiler if separate else Compiler if entry else InlinedCompiler
+    jitted: Any = numba.njit(
+        error_model="numpy",
+        nogil=True,
+        forceinline=inline and not separate,
+        pipeline_class=compiler,
+        no_cpython_wrapper=not entry,
+        no_cfunc_wrapper=True,
+    )(function)
+    if not config.DISABLE_JIT:
+        jitted.__class__ = EntryDispatcher if entry else InnerDispatcher
+        jitted._compiler._customize_flags = KernelFlags
+        if CACHE_FAULT is None:
+            jitted.enable_caching()
+    return cast(Callable[..., Any], jitted)

@@ -14,6 +14,7 @@ import pickle
 import sysconfig
 import zlib
 from collections.abc import Callable
+from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -103,7 +104,7 @@ def decompressed(file: Path) -> bytes:
     return zlib.decompress(file.read_bytes())
 
 
-class KernelCache(FunctionCache):  # type: ignore[misc]
+class KernelCache:
     """Where the object code of a kernel is: in the wheel, else in the user's cache.
 
     Attributes:
@@ -112,21 +113,47 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     Args:
         function: The kernel's function.
         ready: What `usable` returned.
+        folder: The user's cache.
     """
 
-    def __init__(self, function: Callable[..., Any], ready: Path | None) -> None:
-        super().__init__(function)
-        self._cache_file.__class__ = CompressedFiles
+    def __init__(
+        self, function: Callable[..., Any], ready: Path | None, folder: Path
+    ) -> None:
         self.name = f"{function.__module__}.{function.__qualname__}"
+        self._function, self._folder = function, folder
         self._ready = ready and ready / self.name
+
+    @cached_property
+    def _own(self) -> FunctionCache:
+        """The user's cache; most kernels are loaded as a part of others, without it.
+
+        Numba reads the folder from its settings; those of its other users stay.
+        """
+        previous, config.CACHE_DIR = config.CACHE_DIR, str(self._folder)
+        try:
+            own = FunctionCache(self._function)
+        finally:
+            config.CACHE_DIR = previous
+        own._cache_file.__class__ = CompressedFiles
+        return own
+
+    @property
+    def cache_path(self) -> str:
+        """The folder of its module in the user's cache."""
+        path: str = self._own.cache_path
+        return path
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is kept for a signature, loaded; None if nothing is."""
         code = None if self._ready is None else read_ready(self._ready).get(sig)
         if code is None:
-            return super().load_overload(sig, target_context)
+            return self._own.load_overload(sig, target_context)
         target_context.refresh()
         return CompileResult._rebuild(target_context, *pickle.loads(code))
+
+    def save_overload(self, sig: Any, made: Any) -> None:
+        """Keep what was compiled for a signature in the user's cache."""
+        self._own.save_overload(sig, made)
 
     def kept(self) -> dict[Any, bytes]:
         """What the user's cache has, by signature.
@@ -135,12 +162,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             ValueError: It has code for this processor alone.
         """
         found = {}
-        index = self._cache_file._load_index()
-        for (signature, (_, *processor), _), name in index.items():
+        files = self._own._cache_file
+        for (signature, (_, *processor), _), name in files._load_index().items():
             if processor != [TARGET, ""]:
                 raise ValueError(
                     f"{name} is compiled for {processor}, not {[TARGET, '']}"
                 )
-            path = Path(self._cache_file._data_path(name))
-            found[signature] = decompressed(path)
+            found[signature] = decompressed(Path(files._data_path(name)))
         return found

@@ -144,20 +144,23 @@ def link(kernel: Callable[..., Any], last_first: bool = False) -> None:
         last_first: Whether to begin with those that are called last, for one of two
             processes that share the work: they meet in the middle.
     """
-    separate = [k for k in kernels_from(kernel) if isinstance(k, SeparateKernel)]
-    for one in separate:
+    reached = kernels_from(kernel)
+    separate = [one for one in reached if isinstance(one, SeparateKernel)]
+    for one in reached:
         one.linked = True
     try:
         for one in reversed(separate) if last_first else separate:
             one.compile()
     except BaseException:
-        for one in separate:
+        for one in reached:
             one.linked = False
         raise
 
 
 def link_missing(kernel: Any) -> None:
     """Link what a kernel may call, but for what is being linked at this moment."""
+    if kernel.linked:
+        return
     with global_compiler_lock:
         for one in kernels_from(kernel):
             if isinstance(one, SeparateKernel) and not one.linked:

@@ -89,6 +89,8 @@ class Playground:
             "--rate", str(rate), "--late", str(late), "--no-self-test", *options
         )  # fmt: skip
         self._relay: Relay | None = None
+        # Whether no fault has begun since all arms moved.
+        self._settled = False
         self.stage, self._observer = self._new_stage()
 
     def __enter__(self) -> Self:
@@ -121,6 +123,7 @@ class Playground:
             launch: Arguments with which Python runs the command line, see `Stage`.
             options: Further arguments of the service, this time.
         """
+        self._settled = False
         self.stage.options = (*self._options, *options)
         self.stage.start_service(*launch)
         self.stage.wait_for_service()
@@ -164,9 +167,13 @@ class Playground:
     def settle(self) -> None:
         """Engage arms until all of them move and none is stopped.
 
+        They do already if no fault has begun since.
+
         Raises:
             StationError: They do not in time.
         """
+        if self._settled:
+            return
         end = time.monotonic() + PATIENCE
         engage_at, calm_since = 0.0, np.inf
         while (now := time.monotonic()) < end:
@@ -176,6 +183,7 @@ class Playground:
             if free and self.truth and self._moves(self.truth[-1]):
                 calm_since = min(calm_since, now)
                 if now - calm_since >= CALM:
+                    self._settled = True
                     return
                 continue
             calm_since = np.inf
@@ -189,6 +197,7 @@ class Playground:
 
     def begin(self) -> None:
         """A fault begins now."""
+        self._settled = False
         self.forget()
         self.began = time.monotonic()
         self.before = dict(self.counters())

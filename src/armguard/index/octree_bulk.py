@@ -26,7 +26,7 @@ from armguard.index.octree_cell import (
 from armguard.index.octree_lists import link_entry, take_block
 from armguard.index.octree_shape import merge_below
 from armguard.index.octree_state import ABSENT, DIVIDED, INDEXED, NONE, OctreeState
-from armguard.index.octree_update import find_leaves
+from armguard.index.octree_update import find_leaves, set_anchor
 from armguard.index.world import World
 from armguard.kernel import kernel
 
@@ -366,7 +366,7 @@ def edges_meet(row: Floats, d: Vec3, h: Vec3, far: float, clear: float) -> int:
 def settle(world: World, state: OctreeState) -> None:
     """Write the anchors and slacks of all primitives that have one."""
     for i in range(state.anchors.shape[0]):
-        state.anchors[i] = world.rows[i]
+        set_anchor(i, world, state)
         state.slack[i] = 0.0
         if state.residency[i].status != ABSENT:
             _, state.slack[i] = find_leaves(i, 0, np.inf, world, state)

@@ -92,7 +92,7 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
     start, slack = search_root(i, world, state)
     found, slack = find_leaves(i, start, slack, world, state)
     if i < state.anchors.shape[0]:
-        state.anchors[i] = world.rows[i]
+        set_anchor(i, world, state)
         state.slack[i] = slack
     if found > leaves.shape[0]:
         overflow(i, world, state)
@@ -122,6 +122,17 @@ def relocate(i: int, world: World, state: OctreeState) -> None:
         merge_upwards(state.left[k], world, state)
     if not fits:
         overflow(i, world, state)
+
+
+@kernel
+def set_anchor(i: int, world: World, state: OctreeState) -> None:
+    """Keep the row of primitive i as its anchor.
+
+    Number by number: Numba's assignment of a row also compiles what puts its shape into
+    the message of an error, which takes two seconds.
+    """
+    for k in range(state.anchors.shape[1]):
+        state.anchors[i, k] = world.rows[i, k]
 
 
 @kernel

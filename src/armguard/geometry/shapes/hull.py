@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from armguard.errors import ShapeError
 from armguard.geometry.shapes.kind import ShapeKind
@@ -121,6 +120,8 @@ def distinct(points: Floats) -> tuple[Floats, NDArray[np.intp]]:
 
 def hull_indices(points: Floats) -> Sequence[int] | NDArray[np.intp]:
     """Corners of points that span their space; all of them where qhull fails."""
+    from scipy.spatial import ConvexHull, QhullError
+
     spread = np.ptp(points, axis=0)
     scaled = (points - points.min(axis=0)) / spread.max()
     try:

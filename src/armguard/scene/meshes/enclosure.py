@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import Hull, ShapeKind, shape_row
@@ -84,6 +83,8 @@ def surface_samples(vertices: Floats, spacing: float) -> Floats:
 
     A flat hull is sampled at its vertices alone.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         # Scaled to the unit box: qhull's tolerances are absolute.
         scaled = (vertices - vertices.min(axis=0)) / np.ptp(vertices, axis=0).max()
