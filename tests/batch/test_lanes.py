@@ -15,11 +15,11 @@ from armguard.batch.lanes import (
     load,
     most,
     root,
-    sincos,
     size,
     some,
     store,
 )
+from armguard.batch.sine import sincos
 
 
 def play_verbs(values: Any, out: Any) -> Any:
