@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | attack | mutants | soak | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | attack | mutants | soak | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach attack mutants soak campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign attack mutants soak campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -80,6 +80,10 @@ room: .venv/dev
 
 reach: .venv/dev
 	$(BIN)/python benchmarks/reach_goals.py $(ARGS)
+
+# Rates and proofs of batches; ARGS=panda_59_spheres.json; writes docs/batch.*.
+batch-campaign: .venv/dev
+	$(BIN)/python benchmarks/batch_campaign.py $(ARGS)
 
 # A hundred million cycles of one guard; count is in millions.
 soak: .venv/dev

@@ -5,14 +5,22 @@ into their own, and no one jumps to the rest: that of an inlined kernel is not m
 No caller takes the bitcode of a separate kernel: it is not kept on disk.
 """
 
+from itertools import count
+from secrets import randbits
 from typing import Any
 
 from llvmlite import binding, ir  # type: ignore[import-untyped]
+from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags
 
 # What names of environments begin with: Numba writes an address to each.
 ENVIRONMENT = "_ZN08NumbaEnv"
+
+# Numba numbers the functions that a process compiles, and the number is the part of a
+# symbol that tells closures of one function apart. Code that several processes have
+# kept is linked by these symbols, so no two processes may use the same numbers.
+FunctionIdentity._unique_ids = count(randbits(48))
 
 
 class InlinedLibrary(JITCodeLibrary):  # type: ignore[misc]

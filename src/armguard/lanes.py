@@ -6,7 +6,6 @@ instructions in place of it, with the same bits.
 
 import operator
 from collections.abc import Callable
-from math import factorial
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from numba.extending import (
     intrinsic,
     models,
     overload,
-    register_jitable,
     register_model,
 )
 from numba.np.arrayobj import make_array
@@ -25,16 +23,6 @@ WIDTH = 8
 
 VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 BITS = ir.VectorType(ir.IntType(1), WIDTH)
-
-# Half of pi in three parts. Whole numbers below 2^20 times the first two are exact.
-HALF_PI_HIGH = float.fromhex("0x1.921fb544p+0")
-HALF_PI_MIDDLE = float.fromhex("0x0.42d18469p-32")
-HALF_PI_LOW = float.fromhex("0x0.898cc51701b83ap-64")
-QUADRANTS = 2.0 / np.pi
-
-# The series of sine and cosine, from the term of order 3 and 4.
-SINE = tuple((-1.0) ** k / factorial(2 * k + 1) for k in range(1, 9))
-COSINE = tuple((-1.0) ** k / factorial(2 * k) for k in range(2, 10))
 
 
 class Lanes(types.Type):  # type: ignore[misc]
@@ -110,6 +98,16 @@ def some(mask: Any) -> bool:
     return bool(np.any(mask))
 
 
+def item(array: Any, place: int) -> Any:
+    """One number of a contiguous array of any shape; `place` must be within it."""
+    return array.reshape(-1)[place].item()
+
+
+def pick(array: Any, places: Any) -> Any:
+    """Bytes of a contiguous array at whole numbers, which must be within it."""
+    return array[places.astype(np.int64)].astype(np.float64)
+
+
 def bits(mask: Any) -> int:
     """The mask as a number: bit k is lane k."""
     return int(np.packbits(mask, bitorder="little")[0])
@@ -151,6 +149,11 @@ def fits(*kinds: Any) -> bool:
     )
 
 
+def name_of(verb: Any) -> str:
+    """Name of a verb's vector code: code in object files is linked by its name."""
+    return f"{verb.__name__}_in_lanes"
+
+
 def define_binary(
     verb: Any, emit: Callable[..., Any], result: Any, given: Any = LANES
 ) -> None:
@@ -173,6 +176,7 @@ def define_binary(
         def vector(a: Any, b: Any) -> Any:
             return code(a, b)
 
+        vector.__qualname__ = name_of(verb)
         fitting = a == b == MASK if given == MASK else fits(a, b)
         return vector if fitting else None
 
@@ -192,6 +196,7 @@ def define_unary(verb: Any, emit: Callable[..., Any], given: Any, result: Any) -
         def vector(a: Any) -> Any:
             return code(a)
 
+        vector.__qualname__ = name_of(verb)
         return vector if a == given else None
 
 
@@ -316,6 +321,60 @@ def store_code(_typing: Any, array: Any, start: Any, value: Any) -> Any:
     return types.void(array, types.int64, value), generate
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def item_code(_typing: Any, array: Any, place: Any) -> Any:
+    """A scalar read without the check for negative places."""
+    whole = isinstance(array.dtype, types.Integer)
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        data = make_array(sign.args[0])(context, builder, values[0]).data
+        value = builder.load(builder.gep(data, [values[1]]))
+        if not whole or value.type.width == 64:
+            return value
+        longer = builder.sext if array.dtype.signed else builder.zext
+        return longer(value, ir.IntType(64))
+
+    return (types.int64 if whole else types.float64)(array, types.int64), generate
+
+
+@overload(item, strict=False)  # type: ignore[untyped-decorator]
+def item_chosen(array: Any, place: Any) -> Any:
+    """Code for arrays."""
+
+    def scalar(array: Any, place: Any) -> Any:
+        return item_code(array, place)
+
+    return scalar
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def pick_code(_typing: Any, array: Any, places: Any) -> Any:
+    """Eight scalar reads."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        data = make_array(sign.args[0])(context, builder, values[0]).data
+        whole = builder.fptosi(values[1], ir.VectorType(ir.IntType(32), WIDTH))
+        found = ir.Constant(ir.VectorType(ir.IntType(8), WIDTH), ir.Undefined)
+        for lane in range(WIDTH):
+            at = ir.Constant(ir.IntType(32), lane)
+            place = builder.extract_element(whole, at)
+            value = builder.load(builder.gep(data, [place]))
+            found = builder.insert_element(found, value, at)
+        return builder.uitofp(found, VECTOR)
+
+    return LANES(array, places), generate
+
+
+@overload(pick, strict=False)  # type: ignore[untyped-decorator]
+def pick_chosen(array: Any, places: Any) -> Any:
+    """Vector code for lanes only."""
+
+    def vector(array: Any, places: Any) -> Any:
+        return pick_code(array, places)
+
+    return vector if places == LANES else None
+
+
 @overload(load, strict=False)  # type: ignore[untyped-decorator]
 def load_chosen(array: Any, start: Any) -> Any:
     """Vector code."""
@@ -334,31 +393,3 @@ def store_chosen(array: Any, start: Any, value: Any) -> Any:
         store_code(array, start, value)
 
     return vector
-
-
-@register_jitable  # type: ignore[untyped-decorator]
-def sincos(angle: Any) -> tuple[Any, Any]:
-    """Sine and cosine of each lane, for angles up to 10^5 rad either way."""
-    turns = floor(angle * QUADRANTS + 0.5)
-    first = angle - turns * HALF_PI_HIGH
-    x = first - turns * HALF_PI_MIDDLE
-    rest = ((first - x) - turns * HALF_PI_MIDDLE) - turns * HALF_PI_LOW
-    z = x * x
-    sine = z * SINE[7]
-    cosine = z * COSINE[7]
-    for k in (6, 5, 4, 3, 2, 1):
-        sine = z * (SINE[k] + sine)
-        cosine = z * (COSINE[k] + cosine)
-    sine = x + (x * (z * (SINE[0] + sine)) + rest * (1.0 - 0.5 * z))
-    half = 0.5 * z
-    whole = 1.0 - half
-    cosine = whole + (
-        ((1.0 - whole) - half) + (z * (z * (COSINE[0] + cosine)) - x * rest)
-    )
-    quadrant = turns - 4.0 * floor(turns * 0.25)
-    odd = turns - 2.0 * floor(turns * 0.5) == 1.0
-    a = either(odd, cosine, sine)
-    b = either(odd, sine, cosine)
-    upper = quadrant >= 2.0
-    middle = size(quadrant - 1.5) < 1.0
-    return either(upper, -a, a), either(middle, -b, b)

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 
+from armguard.batch.sine import sincos
 from armguard.lanes import (
     WIDTH,
     either,
@@ -15,7 +16,6 @@ from armguard.lanes import (
     load,
     most,
     root,
-    sincos,
     size,
     some,
     store,

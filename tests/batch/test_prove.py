@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import armguard as ag
-from armguard.batch.search import SLACK
+from armguard.batch.balls import SLACK
+from armguard.batch.results import primitives_of
 from armguard.scene import two_pandas_scene
 from arms import simple_arm
 from worlds_of_batches import mixed_scene, motions_of
@@ -26,7 +27,7 @@ def headroom(checker, starts, ends, samples=SAMPLES):
     share = np.linspace(0.0, 1.0, samples)[None, :, None]
     rows = starts[:, None] + share * (ends - starts)[:, None]
     flat = rows.reshape(-1, starts.shape[1])
-    return checker._found(flat, np.inf, 1.0, 0.0)[:, 0].reshape(len(starts), samples)
+    return checker._found(flat, np.inf, 1, 0.0)[0].reshape(len(starts), samples)
 
 
 @pytest.mark.parametrize("make", [ag.bay_scene, two_pandas_scene, mixed_scene])
@@ -56,11 +57,12 @@ def test_the_pair_that_ends_a_proof_is_at_its_buffer_there(make):
     stopped = ~found.proven
     assert 5 < stopped.sum()
     place = starts + found.share[:, None] * (ends - starts)
-    room = checker._found(place[stopped], np.inf, 1.0, 0.0)
-    np.testing.assert_array_equal(room[:, 1], found.a[stopped])
-    np.testing.assert_array_equal(room[:, 2], found.b[stopped])
-    assert np.all(room[:, 0] >= -SLACK)
-    assert np.all(room[:, 0] < 1e-3)
+    room, pairs = checker._found(place[stopped], np.inf, 1, 0.0)
+    a, b = primitives_of(pairs)
+    np.testing.assert_array_equal(a, found.a[stopped])
+    np.testing.assert_array_equal(b, found.b[stopped])
+    assert np.all(room >= -SLACK)
+    assert np.all(room < 1e-3)
     assert np.all(found.a[found.proven] == -1)
 
 

@@ -10,10 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.batch.check import LONGEST, check_rows
 from armguard.batch.near import list_near, measure_pairs
-from armguard.batch.plan import place_object, plan_of, remove_object
+from armguard.batch.objects import place_object, remove_object
+from armguard.batch.plan import open_of, plan_of
 from armguard.batch.pose import NEAR
 from armguard.batch.prove import WAITING, WHOLE, Walk, prove_motions
-from armguard.batch.results import NearestPairs, ProvenMotions, Witnesses, witnesses_of
+from armguard.batch.results import (
+    NearestPairs,
+    ProvenMotions,
+    Witnesses,
+    primitives_of,
+    witnesses_of,
+)
 from armguard.batch.room import (
     FIRST_ROOM,
     Room,
@@ -22,14 +29,14 @@ from armguard.batch.room import (
     place_of,
     room_of,
     scratch_of,
+    settings_of,
 )
-from armguard.batch.search import SearchSettings
+from armguard.batch.rows import order_of, rows_of
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose, transform_of
 from armguard.geometry.shapes import Shape
 from armguard.kernel import check_cache
 from armguard.lanes import WIDTH
-from armguard.record import records
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import object_named
@@ -85,7 +92,7 @@ class Checker:
         self._plan = Ledger(plan)
         self._spare: list[Room] = []
         self._sizes = Sizes(
-            len(self.q_names), len(plan.parent), len(plan.kinds), len(plan.pair_at)
+            len(self.q_names), len(plan.parent), len(plan.kinds), open_of(plan)
         )
         factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
         self._limit = (LARGEST_ANGLE - offset) / factor
@@ -142,7 +149,7 @@ class Checker:
         Raises:
             SceneError: `q` is no array of numbers of that shape.
         """
-        return np.asarray(self._found(q, 0.0, 1, inf)[:, 0] >= 0.0)
+        return np.asarray(self._found(q, 0.0, 1, inf)[0] >= 0.0)
 
     def distances(self, q: ArrayLike, margin: float = inf) -> NearestPairs:
         """The least signed distance of the checked pairs, in each configuration.
@@ -156,10 +163,9 @@ class Checker:
         Raises:
             SceneError: `q` is no array of numbers of that shape, or `margin` is NaN.
         """
-        found = self._found(q, margin, 0, 0.0)
-        pair = found[:, 1:].astype(np.intp)
-        distance = np.where((pair[:, 0] < 0) & ~np.isnan(found[:, 0]), inf, found[:, 0])
-        return NearestPairs(distance, pair[:, 0], pair[:, 1])
+        nearest, pairs = self._found(q, margin, 0, 0.0)
+        nearest[pairs == -1.0] = inf
+        return NearestPairs(nearest, *primitives_of(pairs))
 
     def near(self, q: ArrayLike, margin: float) -> Witnesses:
         """Every checked pair nearer than the margin, with witness points and gradient.
@@ -182,11 +188,11 @@ class Checker:
             >>> bool((ag.Checker(scene).near([scene.home], 0.2).distance < 0.2).all())
             True
         """
-        rows = self._rows(q, "q")
-        settings, parts = self._settings(margin, 0, 0.0), {}
+        rows = rows_of(q, self.q_names, "q")
+        settings, parts = settings_of(margin, 0, 0.0, self._limit), {}
 
         def answer(part: slice) -> None:
-            parts[part.start or 0] = self._list(rows[part], settings)
+            parts[part.start] = self._list(rows[part], settings)
 
         self._divide(answer, len(rows), WIDTH)
         for start in parts:
@@ -217,13 +223,13 @@ class Checker:
             >>> found.gradient.shape
             (1, 14)
         """
-        rows = self._rows(q, "q")
+        rows = rows_of(q, self.q_names, "q")
         given = np.column_stack((np.arange(len(pairs.a)), pairs.a, pairs.b))
         if len(given) != len(rows):
             raise SceneError(f"there are {len(rows)} rows and {len(given)} pairs")
         listing = listing_of(len(rows), self._sizes)
         listing.arrays[1][:] = given
-        room = self._room(self._settings(inf, 0, 0.0))
+        room = self._room(settings_of(inf, 0, 0.0, self._limit))
         measure_pairs(
             rows,
             self._plan.lines,
@@ -262,7 +268,8 @@ class Checker:
             >>> ag.Checker(scene).prove([scene.home], [scene.home + 0.01]).proven
             array([ True])
         """
-        start, end = self._rows(starts, "starts"), self._rows(ends, "ends")
+        start = rows_of(starts, self.q_names, "starts")
+        end = rows_of(ends, self.q_names, "ends")
         if len(start) != len(end):
             raise SceneError(f"there are {len(start)} starts and {len(end)} ends")
         reached = np.zeros(len(start), dtype=np.int64)
@@ -272,52 +279,38 @@ class Checker:
             WIDTH,
         )
         share = np.maximum(reached, 0) / WHOLE
-        pair = np.full((len(start), 2), -1, dtype=np.intp)
+        a, b = np.full((2, len(start)), -1, dtype=np.intp)
         open_ends = (reached >= 0) & (reached < WHOLE)
         last = share[open_ends, None]
         places = start[open_ends] + last * (end[open_ends] - start[open_ends])
-        pair[open_ends] = self._found(places, inf, 1, 0.0)[:, 1:]
-        return ProvenMotions(reached == WHOLE, share, pair[:, 0], pair[:, 1])
+        pairs = self._found(places, inf, 1, 0.0)[1]
+        a[open_ends], b[open_ends] = primitives_of(pairs)
+        return ProvenMotions(reached == WHOLE, share, a, b)
 
-    def _rows(self, given: ArrayLike, name: str) -> Floats:
-        """Joint positions as a contiguous array, shape (rows, joints).
+    def _found(
+        self, q: ArrayLike, margin: float, strict: int, drop: float
+    ) -> tuple[Floats, Floats]:
+        """Distance and pair of each row, shape (rows,); see `check_rows`."""
+        rows = rows_of(q, self.q_names, "q")
+        order = order_of(rows, self.lower, self.upper)
+        settings = settings_of(margin, strict, drop, self._limit)
+        count = len(rows)
+        nearest, pairs = np.empty((2, count + WIDTH))
+        given = rows if order is None else rows[order]
 
-        Raises:
-            SceneError: It is no array of numbers of that shape.
-        """
-        rows, joints = np.asarray(given), len(self.q_names)
-        if rows.ndim != 2 or rows.shape[1] != joints:
-            raise SceneError(
-                f"{name} has shape {rows.shape}; it must be (rows, {joints}), one "
-                f"column for each of: {', '.join(self.q_names)}"
+        def answer(part: slice) -> None:
+            end = min(part.stop, count)
+            places = slice(part.start, end + WIDTH)
+            self._check(
+                given[part.start : end], settings, nearest[places], pairs[places]
             )
-        if rows.dtype.kind not in "fiu":
-            raise SceneError(f"{name} holds {rows.dtype}; it must hold numbers")
-        return np.ascontiguousarray(rows, dtype=np.float64)
 
-    def _found(self, q: ArrayLike, margin: float, strict: int, drop: float) -> Floats:
-        """Distance and pair of each row, shape (rows, 3); see `check_rows`."""
-        rows = self._rows(q, "q")
-        settings = self._settings(margin, strict, drop)
-        found = np.zeros((len(rows), 3))
-        self._divide(
-            lambda part: self._check(rows[part], settings, found[part]),
-            len(rows),
-            LONGEST * WIDTH,
-        )
-        return found
-
-    def _settings(self, margin: float, strict: int, drop: float) -> Any:
-        """`Scratch.settings` of a call.
-
-        Raises:
-            SceneError: The margin is NaN or minus infinity.
-        """
-        if not margin > -inf:
-            raise SceneError(f"margin is {margin} m; it must be a number")
-        settings = records((), SearchSettings)
-        settings[...] = margin, strict, drop, self._limit
-        return settings
+        self._divide(answer, count, LONGEST * WIDTH)
+        if order is None:
+            return nearest[:count], pairs[:count]
+        found = np.empty((2, count))
+        found[0, order], found[1, order] = nearest[:count], pairs[:count]
+        return found[0], found[1]
 
     def _list(self, rows: Floats, settings: Any) -> tuple[Floats, ...]:
         """Near pairs of some rows: arrays of a `Listing`, without its total."""
@@ -346,12 +339,14 @@ class Checker:
         share = -(-count // (self._threads * block)) * block
         parts = [slice(at, at + share) for at in range(0, count, max(share, 1))]
         if len(parts) < 2:
-            answer(slice(count))
+            answer(slice(0, count))
             return
         with ThreadPoolExecutor(self._threads) as pool:
             list(pool.map(answer, parts))
 
-    def _check(self, rows: Floats, settings: Any, found: Floats) -> None:
+    def _check(
+        self, rows: Floats, settings: Any, nearest: Floats, pairs: Floats
+    ) -> None:
         """Answer for some rows; see `check_rows`."""
         room = self._room(settings)
         check_rows(
@@ -360,7 +355,8 @@ class Checker:
             room.spans.lines,
             room.rows.lines,
             room.scratch.lines,
-            found,
+            nearest,
+            pairs,
         )
         self._spare.append(room)
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from armguard.batch.check import take_block, take_rows
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, place, spread
-from armguard.batch.search import Scratch, gap_in_lane, search
+from armguard.batch.search import search
+from armguard.batch.settle import Scratch, gap_in_lane
 from armguard.geometry.vec3 import Vec3, cross, dot, sub
 from armguard.geometry.witness import WITNESS_WIDTH, turn_witness
 from armguard.kernel import kernel
@@ -65,6 +66,7 @@ def list_near(
     p, w = open_plan(plan), open_place(rows)
     s, found = open_scratch(scratch), open_listing(listing)
     spread(p, w)
+    spread(p, s.cells)
     for first in range(start, q.shape[0], WIDTH):
         move_rows(q, first, p, s, w)
         s.kept[:] = 0
@@ -105,8 +107,8 @@ def measure_pairs(
 def move_rows(q: Floats, first: int, p: Plan, s: Scratch, w: Place) -> None:
     """Move the bodies of eight lanes to eight rows."""
     take_block(q, first, 1, s)
-    take_rows(q.shape[1], 0, True, s, w)
-    move_bodies(p, w)
+    take_rows(s.block, 0, q.shape[1], True, s, w)
+    move_bodies(0, p, w)
 
 
 @kernel(inline=False)

@@ -5,10 +5,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.batch.balls import ball_around, ball_of, trees
+from armguard.batch.frames import (
+    levers_of,
+    points_at,
+    sampled_poses,
+    turned_bodies,
+    turned_row,
+)
+from armguard.batch.grids import COARSE, joint_grid, region_of, ways_of
 from armguard.geometry.shapes import ROW_WIDTH, ShapeKind
-from armguard.scene.standing import Standing
+from armguard.lanes import WIDTH
 from armguard.scene.tables import SceneTables
-from armguard.table import IntMatrix, IntVector, Matrix, Vector, table
+from armguard.table import ByteVector, IntMatrix, IntVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -16,19 +25,11 @@ Ints = NDArray[np.int32]
 # Kinds that have a formula in lanes against a sphere.
 SIMPLE = (ShapeKind.SPHERE, ShapeKind.CAPSULE, ShapeKind.BOX, ShapeKind.HALF_SPACE)
 
-# A bound may be wrong by less than this through rounding [m].
-SLACK = 1e-9
+# Pairs of parts with what does not move that wait to be compared, at most.
+MOST_OPEN = 64
 
-# Into how many groups the parts of a ball are divided.
-GROUPS = 4
-
-# Kinds whose rows hold points or directions, and no frame.
-CORNERS = (
-    ShapeKind.SPHERE,
-    ShapeKind.CAPSULE,
-    ShapeKind.TRIANGLE,
-    ShapeKind.HALF_SPACE,
-)
+# Most parts that some moving parts are not checked with, and that are in no group.
+MOST_PARTIAL = 16
 
 
 @table
@@ -43,20 +44,31 @@ class Plan(NamedTuple):
         joint_kind: Kinds of the joints, shape (b,).
         q_index: Places in q, shape (b,).
         gain: Multipliers and offsets, shape (b, 2).
-        frames: Joint frames, turned so that each joint's axis is z, shape (b, 12).
+        frames: Joint frames, turned so that each joint's axis is z; see
+            `turned_bodies`, shape (b, 12).
+        carries: 1 for bodies that carry moving parts, shape (b,).
+        middles: Middle of a ball round the primitives of each body, in its frame,
+            shape (b, 3) [m].
+        levers: Of the usual distance c of each body's middle from the axis of each
+            joint: 1 / 2c and c / 2, shape (b, 2 · b) [1/m, m].
         kinds: ShapeKind of primitives and balls, shape (k,).
         bodies: Their bodies, -1 for the world, shape (k,).
         rows: Their rows in the frames of their bodies, shape (k, 16).
         ball: Ball that encloses each primitive, shape (p,).
         hull: Row with a formula against spheres that encloses it, shape (p,).
-        spread: Farthest point of each primitive, less its radius, from the middle of
-            its part's ball, shape (p,) [m].
+        spread: Farthest point of each moving primitive, less its radius, from the
+            middle of its body, shape (p,) [m].
         part: Part of each primitive, -1 for none, shape (p,).
         parts: First primitive, end, ball and hull of each part; those that move come
             first, shape (t, 4).
+        sways: Distance of the middle of each moving part's ball from its body's middle,
+            and the largest spread of its primitives, shape (m, 2) [m].
         pairs: Two parts that are checked, the first of which moves, and one more than
             the last body that carries both, 0 for the world, shape (c, 3).
-        own: First pair and end of each moving part's with moving ones, shape (m, 2).
+        listed: How many of the first pairs have cells, and how many are compared one
+            by one: the others are found by nodes, shape (2,).
+        ends: Where the lanes of those pairs are: in `Place.shift` those of both bodies,
+            and in `Place.rows` those of the middles of both balls, shape (l, 4).
         loose: Largest buffer of each moving part beside what does not move, minus
             infinity if it is not checked there, shape (m,) [m].
         nodes: Centre and radius of balls, each round some that follow it: what is apart
@@ -66,6 +78,14 @@ class Plan(NamedTuple):
             none, shape (n, 2).
         pair_at: Pair of a moving part and another, -1 for none, shape (m, t).
         buffers: Distance that each pair must keep, shape (c,) [m].
+        grid: Lower end of the first cell of each joint, and cells in a unit, (n, 2).
+        ways: First of the cells of each pair that has some, how many joints lie between
+            its parts, and these, shape (w, 5).
+        gaps: What the gap of each pair's primitives is not below in each of its cells,
+            as in `batch.cells`.
+        region: The same as `grid` for the axes of the world, shape (3, 2).
+        room: What the distance of each cell of the world from all that does not move is
+            not below, as in `batch.cells`, shape (COARSE³,).
     """
 
     parent: IntVector
@@ -73,6 +93,9 @@ class Plan(NamedTuple):
     q_index: IntVector
     gain: Matrix
     frames: Matrix
+    carries: IntVector
+    middles: Matrix
+    levers: Matrix
     kinds: IntVector
     bodies: IntVector
     rows: Matrix
@@ -81,62 +104,20 @@ class Plan(NamedTuple):
     spread: Vector
     part: IntVector
     parts: IntMatrix
+    sways: Matrix
     pairs: IntMatrix
-    own: IntMatrix
+    listed: IntVector
+    ends: IntMatrix
     loose: Vector
     nodes: Matrix
     links: IntMatrix
     pair_at: IntMatrix
     buffers: Vector
-
-
-def ball_of(kind: int, row: Floats) -> Floats:
-    """Centre and radius of a ball around a primitive, shape (4,) [m]."""
-    centre, radius = row[1:4], float(row[0])
-    if kind == ShapeKind.CAPSULE:
-        centre = (row[1:4] + row[4:7]) / 2.0
-        radius += float(np.linalg.norm(row[4:7] - row[1:4])) / 2.0
-    elif kind == ShapeKind.TRIANGLE:
-        corners = row[1:10].reshape(3, 3)
-        centre = corners.mean(axis=0)
-        radius += float(np.linalg.norm(corners - centre, axis=1).max())
-    elif kind == ShapeKind.BOX:
-        radius += float(np.linalg.norm(row[4:7]))
-    elif kind in (ShapeKind.CYLINDER, ShapeKind.CONE):
-        radius += float(np.hypot(max(row[4], row[6]), row[5]))
-    elif kind == ShapeKind.ELLIPSOID:
-        radius += float(row[4:7].max())
-    elif kind == ShapeKind.HALF_SPACE:
-        radius = np.inf
-    elif kind != ShapeKind.SPHERE:
-        radius += float(row[6])
-    return np.array([*centre, radius])
-
-
-def ball_around(balls: Floats) -> Floats:
-    """Centre and radius of a ball around balls, shape (4,) [m]."""
-    centre = (balls[:, :3].min(axis=0) + balls[:, :3].max(axis=0)) / 2.0
-    reach = np.linalg.norm(balls[:, :3] - centre, axis=1) + balls[:, 3]
-    return np.array([*centre, reach.max()])
-
-
-def turn_to(axis: Floats) -> Floats:
-    """A rotation that turns z to a unit vector, shape (3, 3)."""
-    x, y, z = axis
-    if z < 0.0:
-        return np.asarray(turn_to(-axis) * np.array([1.0, -1.0, -1.0]))
-    v = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
-    return np.asarray(np.eye(3) + v + v @ v / (1.0 + z))
-
-
-def turned_row(kind: int, row: Floats, R: Floats) -> Floats:
-    """A row in a frame that is turned by R."""
-    row = row.copy()
-    for first in (1, 4, 7) if kind in CORNERS else (1,):
-        row[first : first + 3] = R.T @ row[first : first + 3]
-    if kind not in CORNERS:
-        row[7:16] = (R.T @ row[7:16].reshape(3, 3)).reshape(9)
-    return row
+    grid: Matrix
+    ways: IntMatrix
+    gaps: ByteVector
+    region: Matrix
+    room: ByteVector
 
 
 class Rows:
@@ -185,6 +166,28 @@ class Rows:
         ball = self.add(ball_around(self.balls[first:end]), self.bodies[first])
         return first, end, ball, ball
 
+    def middles(self, spans: list[tuple[int, int]], count: int) -> Floats:
+        """`Plan.middles`, for the primitives of parts that move and so many bodies."""
+        middles = np.zeros((count, 3))
+        places = [i for span in spans for i in range(*span)]
+        for body in {self.bodies[i] for i in places}:
+            balls = self.balls[[i for i in places if self.bodies[i] == body]]
+            middles[body] = ball_around(balls)[:3]
+        return middles
+
+    def sways(
+        self, spans: list[tuple[int, int]], balls: Floats, middles: Floats
+    ) -> tuple[Floats, Floats]:
+        """`Plan.spread` and `Plan.sways` of parts that move, with these balls."""
+        spread, sways = np.zeros(len(self.balls)), np.zeros((len(spans), 2))
+        for k, (first, end) in enumerate(spans):
+            middle = middles[self.bodies[first]]
+            for i in range(first, end):
+                apart = np.linalg.norm(self.balls[i, :3] - middle)
+                spread[i] = apart + self.balls[i, 3] - self.rows[i][0]
+            sways[k] = np.linalg.norm(balls[k, :3] - middle), spread[first:end].max()
+        return spread, sways
+
 
 def ranges(tables: SceneTables) -> list[tuple[int, int]]:
     """First primitive and end of each part; boxes that stand for a gripper are none."""
@@ -226,89 +229,46 @@ def checked_pairs(
     ]
 
 
-def tree_of(
-    balls: Floats, members: list[int], largest: float
-) -> list[tuple[Floats, int, int]]:
-    """Balls round groups of parts that do not move, each before those in it.
-
-    Args:
-        balls: Balls of all parts, shape (t, 4) [m].
-        members: Parts to group.
-        largest: Members of a group that gets a ball.
-
-    Returns:
-        Ball, nodes in it with itself, and part or -1, of each node.
-    """
-    if len(members) == 1:
-        return [(balls[members[0]], 1, members[0])]
-    centres = balls[members, :3]
-    order = np.argsort(centres[:, np.ptp(centres, axis=0).argmax()], kind="stable")
-    named = len(members) <= largest
-    halves = np.array_split(np.array(members)[order], 2)
-    below = len(members) / GROUPS if named else largest
-    nodes = [node for half in halves for node in tree_of(balls, half.tolist(), below)]
-    if not named:
-        return nodes
-    ball = ball_around(balls[members]) + np.array([0.0, 0.0, 0.0, SLACK])
-    return [(ball, len(nodes) + 1, -1), *nodes]
-
-
-def trees(
-    balls: Floats, members: list[int]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """`Plan.nodes` and `Plan.links`."""
-    finite = [k for k in members if np.isfinite(balls[k, 3])]
-    nodes = [(balls[k], 1, k) for k in members if not np.isfinite(balls[k, 3])]
-    if finite:
-        nodes += tree_of(balls, finite, len(finite) / GROUPS)
-    links = [(at + inside, part) for at, (_, inside, part) in enumerate(nodes)]
-    return (
-        np.array([ball for ball, _, _ in nodes]).reshape(-1, 4),
-        np.array(links, dtype=np.int32).reshape(-1, 2),
-    )
-
-
-def aligned_frames(tables: SceneTables, turns: Floats) -> Floats:
-    """Joint frames between bodies whose frames are turned, shape (b, 12)."""
-    frames = tables.T_parent_joint.reshape(-1, 3, 4).copy()
-    for body, up in enumerate(tables.parent):
-        frames[body, :, :3] = frames[body, :, :3] @ turns[body]
-        if up >= 0:
-            frames[body] = turns[up].T @ frames[body]
-    return frames.reshape(-1, 12)
-
-
 def plan_of(tables: SceneTables) -> Plan:
     """The plan of a scene."""
-    turns = np.array([turn_to(axis) for axis in tables.axis]).reshape(-1, 3, 3)
-    turns[tables.parent < 0] = np.eye(3)
+    turns, frames, gain = turned_bodies(tables)
     rows, spans = Rows(tables, turns), ranges(tables)
     parts = [rows.part(*span) for span in spans]
-    spread, part = np.zeros(len(tables.kinds)), np.full(len(tables.kinds), -1)
-    for k, (first, end, ball, _) in enumerate(parts):
-        part[first:end] = k
-        for i in range(first, end):
-            apart = np.linalg.norm(rows.balls[i, :3] - rows.rows[ball][1:4])
-            spread[i] = apart + rows.balls[i, 3] - rows.rows[i][0]
+    starts = [first for first, _ in spans]
+    moving = sum(first < tables.moving_count for first in starts)
+    balls = np.array([[*rows.rows[k][1:4], rows.rows[k][0]] for _, _, k, _ in parts])
+    part = np.full(len(tables.kinds), -1)
+    for k, span in enumerate(spans):
+        part[slice(*span)] = k
+    middles = rows.middles(spans[:moving], len(tables.parent))
+    spread, sways = rows.sways(spans[:moving], balls, middles)
+    bodies = np.array([tables.bodies[first] for first in starts], dtype=np.int32)
     pairs = np.array(checked_pairs(tables, spans), dtype=np.int32).reshape(-1, 3)
-    moving = sum(first < tables.moving_count for first, _ in spans)
+    pairs, with_cells, listed = ordered_pairs(
+        tables, pairs, bodies, (moving, len(parts))
+    )
     pair_at = np.full((moving, len(parts)), -1, dtype=np.int32)
     pair_at[pairs[:, 0], pairs[:, 1]] = np.arange(len(pairs))
-    group = np.array([tables.groups[first] for first, _ in spans], dtype=int)
+    group = np.array([tables.groups[first] for first in starts], dtype=int)
     buffers = tables.buffers[group[pairs[:, 0]], group[pairs[:, 1]]]
     loose = np.full(moving, -np.inf)
     static = pairs[:, 1] >= moving
     np.maximum.at(loose, pairs[static, 0], buffers[static])
-    begin = np.searchsorted(pairs[:, 0], np.arange(moving))
-    within = np.bincount(pairs[~static, 0], minlength=moving)
-    balls = np.array([[*rows.rows[k][1:4], rows.rows[k][0]] for _, _, k, _ in parts])
-    nodes, links = trees(balls, list(range(moving, len(parts))))
+    apart = {*range(moving, len(parts))} - {*pairs[:listed, 1].tolist()}
+    nodes, links = trees(balls, sorted(apart))
+    carries = np.isin(np.arange(len(tables.parent)), bodies[:moving])
+    poses = sampled_poses(tables, frames, gain)
+    levers = levers_of(poses, middles)
+    ways, cells = ways_of(tables, pairs[:with_cells], bodies)
     return Plan(
         parent=tables.parent,
         joint_kind=tables.joint_kind,
         q_index=tables.q_index,
-        gain=np.ascontiguousarray(tables.gain),
-        frames=aligned_frames(tables, turns),
+        gain=gain,
+        frames=frames,
+        carries=carries.astype(np.int32),
+        middles=middles,
+        levers=np.stack((0.5 / levers, 0.5 * levers), axis=2).reshape(len(levers), -1),
         kinds=np.array(rows.kinds, dtype=np.int32),
         bodies=np.array(rows.bodies, dtype=np.int32),
         rows=np.array(rows.rows, dtype=np.float64).reshape(-1, ROW_WIDTH),
@@ -317,63 +277,60 @@ def plan_of(tables: SceneTables) -> Plan:
         spread=spread,
         part=part.astype(np.int32),
         parts=np.array(parts, dtype=np.int32).reshape(-1, 4),
+        sways=sways,
         pairs=pairs,
-        own=np.column_stack((begin, begin + within)).astype(np.int32),
+        listed=np.array([with_cells, listed], dtype=np.int32),
+        ends=ends_of(pairs[:listed], np.array(parts)[:, 2], bodies, len(tables.parent)),
         loose=loose,
         nodes=nodes,
         links=links,
         pair_at=pair_at,
         buffers=buffers,
+        grid=joint_grid(tables),
+        ways=ways,
+        gaps=np.zeros(cells, dtype=np.uint8),
+        region=region_of(points_at(poses, middles)[:, carries].reshape(-1, 3)),
+        room=np.zeros(COARSE**3, dtype=np.uint8),
     )
 
 
-def place_object(plan: Plan, item: Standing, T: Floats) -> None:
-    """Place an object with its frame at T, shape (4, 4), whether present or not."""
-    rows = item.rows(np.eye(4) if item.body >= 0 else T)
-    if item.body >= 0:
-        plan.frames[item.body] = T[:3].reshape(12)
-    for i, row in zip(range(item.first, item.first + item.count), rows, strict=True):
-        plan.rows[i] = row
-        if plan.ball[i] != i:
-            ball = ball_of(plan.kinds[i], row)
-            plan.rows[plan.ball[i], :4] = ball[3], *ball[:3]
-    for part in parts_of(plan, item):
-        first, end, ball = plan.parts[part, :3]
-        if end > first + 1:
-            inner = plan.rows[plan.ball[first:end]]
-            around = ball_around(inner[:, [1, 2, 3, 0]])
-            plan.rows[ball, :4] = around[3], *around[:3]
-        refit(plan, part)
+def ordered_pairs(
+    tables: SceneTables, pairs: Ints, bodies: Ints, shape: tuple[int, int]
+) -> tuple[Ints, int, int]:
+    """`Plan.pairs` in their order, and `Plan.listed`.
+
+    Listed are the pairs of parts that move, and those with the few that some moving
+    parts are not checked with.
+
+    Args:
+        tables: The scene.
+        pairs: The pairs, shape (c, 3).
+        bodies: Body of each part, shape (t,).
+        shape: How many parts move, and how many there are.
+    """
+    moving, count = shape
+    checked = np.bincount(pairs[:, 1], minlength=count)[moving:]
+    partial = moving + np.flatnonzero((checked > 0) & (checked < moving))
+    listed = pairs[:, 1] < moving
+    if len(partial) <= MOST_PARTIAL:
+        listed |= np.isin(pairs[:, 1], partial)
+    with_cells = ways_of(tables, pairs, bodies)[0][:, 0] >= 0
+    order = np.argsort(2 - listed - (listed & with_cells), kind="stable")
+    return pairs[order], int((listed & with_cells).sum()), int(listed.sum())
 
 
-def remove_object(plan: Plan, item: Standing) -> None:
-    """Remove an object: nothing is near a ball whose radius is minus infinity."""
-    for part in parts_of(plan, item):
-        plan.rows[plan.parts[part, 2], 0] = -np.inf
-        refit(plan, part)
+def ends_of(pairs: Ints, balls: Ints, bodies: Ints, count: int) -> Ints:
+    """`Plan.ends`, for the balls and bodies of all parts, and so many bodies."""
+    a, b, slot = pairs.T
+    carrier, other = bodies[a], bodies[b]
+    # A body's middle stays where it is, as seen from the body itself.
+    still = carrier * (count + 1) + 1 + carrier
+    first, second = carrier * (count + 1) + slot, other * (count + 1) + slot
+    ends = [first, np.where(other < 0, still, second)]
+    ends += [balls[k] * ROW_WIDTH + 1 for k in (a, b)]
+    return np.ascontiguousarray(WIDTH * np.column_stack(ends), dtype=np.int32)
 
 
-def parts_of(plan: Plan, item: Standing) -> list[int]:
-    """Parts of an object."""
-    return sorted(set(plan.part[item.places].tolist()) - {-1})
-
-
-def refit(plan: Plan, part: int) -> None:
-    """Fit the balls round a part that does not move to the part's own ball."""
-    found = np.flatnonzero(plan.links[:, 1] == part)
-    if part < len(plan.own) or not len(found):
-        return
-    leaf, ball = int(found[0]), plan.rows[plan.parts[part, 2]]
-    plan.nodes[leaf] = *ball[1:4], ball[0]
-    above = np.flatnonzero(plan.links[:leaf, 0] > leaf)
-    for node in above[::-1].tolist():
-        inside, at = [], node + 1
-        while at < plan.links[node, 0]:
-            inside.append(at)
-            at = int(plan.links[at, 0])
-        balls = plan.nodes[inside]
-        balls = balls[balls[:, 3] > -np.inf]
-        plan.nodes[node] = 0.0, 0.0, 0.0, -np.inf
-        if len(balls):
-            plan.nodes[node] = ball_around(balls)
-            plan.nodes[node, 3] += SLACK
+def open_of(plan: Plan) -> int:
+    """Room for pairs of parts that wait to be compared."""
+    return len(plan.ends) + len(plan.loose) + MOST_OPEN

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from armguard.batch.check import open_place, open_plan, open_scratch
 from armguard.batch.pose import Place, move_bodies, spread, widen
-from armguard.batch.search import Scratch, search
+from armguard.batch.search import search
+from armguard.batch.settle import Scratch
 from armguard.kernel import kernel
 from armguard.lanes import WIDTH
 from armguard.table import LongMatrix, LongVector, opener, table
@@ -80,6 +81,7 @@ def prove_motions(
     p, s = open_plan(plan), open_scratch(scratch)
     w, t = open_place(place), open_walk(walk)
     spread(p, w)
+    spread(p, s.cells)
     t.size[0] = motion = 0
     while True:
         while t.size[0] < WIDTH and motion < starts.shape[0]:
@@ -88,7 +90,7 @@ def prove_motions(
         if t.size[0] == 0:
             return
         take_spans(starts, ends, t, w)
-        move_bodies(p, w)
+        move_bodies(0, p, w)
         widen(p, w)
         search(p, s, w)
         for lane in range(WIDTH - 1, -1, -1):

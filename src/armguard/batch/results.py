@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.batch.settle import CODE, SHIFT
+
 Floats = NDArray[np.float64]
 
 
@@ -80,3 +82,9 @@ def witnesses_of(
     row, a, b = pairs.astype(np.intp).T
     parts = witness[:, 0], witness[:, 1:4], witness[:, 4:7], witness[:, 7:10]
     return Witnesses(row, a, b, *parts, gradient)
+
+
+def primitives_of(pairs: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Both primitives of pairs as in `Place.pair`, -1 for none."""
+    code = pairs.astype(np.intp)
+    return np.maximum(code >> SHIFT, -1), np.where(code < 0, -1, code & (CODE - 1))

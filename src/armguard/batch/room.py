@@ -1,13 +1,15 @@
 """Arrays that one call of the checker writes."""
 
-from typing import NamedTuple
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from armguard.batch.check import LONGEST
 from armguard.batch.near import Listing
-from armguard.batch.pose import MOTIONS, ROWS, SPANS, Place
-from armguard.batch.search import ROOM, Scratch, SearchSettings
+from armguard.batch.pose import CELLS, MOTIONS, ROWS, SPANS, Place
+from armguard.batch.settle import ROOM, Scratch, SearchSettings
+from armguard.errors import SceneError
 from armguard.geometry.shapes import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.lanes import WIDTH
@@ -25,13 +27,13 @@ class Sizes(NamedTuple):
         joints: Joint positions of a configuration.
         bodies: Bodies.
         shapes: Rows of primitives and of the balls around them.
-        moving: Parts that move.
+        open: Pairs of parts that wait to be compared.
     """
 
     joints: int
     bodies: int
     shapes: int
-    moving: int
+    open: int
 
 
 class Room(NamedTuple):
@@ -48,6 +50,19 @@ class Room(NamedTuple):
     spans: Ledger
     rows: Ledger
     motions: Ledger
+
+
+def settings_of(margin: float, strict: int, drop: float, limit: float) -> Any:
+    """`Scratch.settings` of a call.
+
+    Raises:
+        SceneError: The margin is NaN or minus infinity.
+    """
+    if not margin > -inf:
+        raise SceneError(f"margin is {margin} m; it must be a number")
+    settings = records((), SearchSettings)
+    settings[...] = margin, strict, drop, limit
+    return settings
 
 
 def room_of(sizes: Sizes) -> Room:
@@ -79,27 +94,36 @@ def scratch_of(room: int, sizes: Sizes) -> Ledger:
             pairs=np.zeros((WIDTH * room, 2), dtype=np.int32),
             low=np.zeros((WIDTH * room, 2)),
             single=np.zeros((3, ROW_WIDTH)),
+            cells=place_arrays(CELLS, sizes),
         )
     )
 
 
 def place_of(mode: int, sizes: Sizes) -> Ledger:
     """Room for eight configurations."""
-    slots = sizes.moving * (1 + sizes.bodies)
-    return Ledger(
-        Place(
-            mode=np.array([mode]),
-            q=np.zeros(WIDTH * sizes.joints),
-            half=np.zeros(WIDTH * sizes.joints),
-            T=np.zeros(WIDTH * 12 * sizes.bodies),
-            rows=np.zeros(WIDTH * ROW_WIDTH * sizes.shapes),
-            stamp=np.zeros(sizes.shapes, dtype=np.int64),
-            turn=np.zeros(1, dtype=np.int64),
-            shift=np.zeros(WIDTH * slots),
-            swing=np.zeros(WIDTH * slots),
-            best=np.zeros(WIDTH),
-            pair=np.zeros(WIDTH),
-            lead=np.full(WIDTH, -1.0),
-            bound=np.zeros(WIDTH),
-        )
+    return Ledger(place_arrays(mode, sizes))
+
+
+def place_arrays(mode: int, sizes: Sizes) -> Place:
+    """The arrays of a place."""
+    slots = sizes.bodies * (1 + sizes.bodies)
+    return Place(
+        mode=np.array([mode]),
+        q=np.zeros(WIDTH * sizes.joints),
+        half=np.zeros(WIDTH * sizes.joints),
+        T=np.zeros(WIDTH * 12 * sizes.bodies),
+        rows=np.zeros(WIDTH * ROW_WIDTH * sizes.shapes),
+        stamp=np.zeros(sizes.shapes, dtype=np.int64),
+        turn=np.zeros(1, dtype=np.int64),
+        shift=np.zeros(WIDTH * slots),
+        swing=np.zeros(WIDTH * slots),
+        best=np.zeros(WIDTH),
+        pair=np.zeros(WIDTH),
+        lead=np.full(WIDTH, -1.0),
+        bound=np.zeros(WIDTH),
+        cells=np.zeros(WIDTH * sizes.joints),
+        open=np.zeros(sizes.open, dtype=np.int64),
+        apart=np.zeros(WIDTH * sizes.open),
+        close=np.zeros(sizes.shapes, dtype=np.int64),
+        growth=np.zeros(WIDTH * sizes.shapes),
     )

@@ -83,16 +83,17 @@ def change_from(kind: int) -> Change:
     """Kernel that calls that of a robot's response, if it is in this row or below."""
     if kind == len(RESPONSES):
         return go_on
-    change: Change = list(RESPONSES.values())[kind].change
+    name, change = list(RESPONSES)[kind], list(RESPONSES.values())[kind].change
     others = change_from(kind + 1)
 
-    @kernel
     def choose(r: int, a: Response, w: Workspace) -> bool:
         if a.settings[r].kind == kind:
             return change(r, a, w)
         return others(r, a, w)
 
-    return choose
+    # Code in object files is linked by its name.
+    choose.__qualname__ = f"choose_{name}"
+    return kernel(choose)
 
 
 change_first = change_from(0)
