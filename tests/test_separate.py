@@ -223,3 +223,62 @@ def call(x):
     code = "import literals as m; print(m.call(1.0), len(m.plus.overloads))"
     made = run(tmp_path, code)
     assert made.stdout == "9.0 1\n", made.stderr
+
+
+# Verbs that two processes compile, each under the same number of its function.
+VERBS = """
+import numpy as np
+from armguard.kernel import kernel
+from armguard.lanes import load, most, store
+
+@kernel(inline=False)
+def larger(a, b, out):
+    store(out, 0, most(load(a, 0), load(b, 0)))
+
+@kernel(inline=False)
+def product(a, b, out):
+    store(out, 0, load(a, 0) * load(b, 0))
+
+@kernel(entry=True)
+def compile_larger(a, b, out):
+    larger(a, b, out)
+
+@kernel(entry=True)
+def compile_product(a, b, out):
+    product(a, b, out)
+
+@kernel(entry=True)
+def both(a, b, out):
+    product(a, b, out)
+    larger(out, b, out)
+
+a, b, out = np.full(8, 3.0), np.full(8, 0.5), np.zeros(8)
+"""
+
+NUMBERED = """
+from itertools import count
+from numba.core.bytecode import FunctionIdentity
+import verbs
+FunctionIdentity._unique_ids = count(900_000)
+"""
+
+
+def test_code_of_two_processes_is_not_taken_for_one_another(tmp_path):
+    (tmp_path / "verbs.py").write_text(VERBS)
+    for name, known in (("compile_larger", 3.0), ("compile_product", 1.5)):
+        program = f"{NUMBERED}verbs.{name}(verbs.a, verbs.b, verbs.out)\n"
+        made = run(tmp_path, program + "print(verbs.out[0])")
+        assert made.stdout == f"{known}\n", made.stderr
+    program = "import verbs; verbs.both(verbs.a, verbs.b, verbs.out)\n"
+    made = run(tmp_path, program + "print(verbs.out[0])")
+    assert made.stdout == "1.5\n", made.stderr
+
+
+def test_no_two_processes_number_their_functions_alike(tmp_path):
+    program = """
+from numba.core.bytecode import FunctionIdentity
+import armguard.kernel
+print(next(FunctionIdentity._unique_ids))
+"""
+    one, other = (int(run(tmp_path, program).stdout) for _ in range(2))
+    assert abs(one - other) > 100_000
