@@ -291,7 +291,10 @@ def box_of_vertices(v: Floats, vertices: int, box: Floats) -> None:
             low, high = least(low, x), most(high, x)
         store(ends[0], 0, low)
         store(ends[1], 0, high)
-        box[k], box[k + 3] = ends[0].min(), ends[1].max()
+        box[k], box[k + 3] = ends[0, 0], ends[1, 0]
+        for lane in range(1, WIDTH):
+            box[k] = min(box[k], ends[0, lane])
+            box[k + 3] = max(box[k + 3], ends[1, lane])
 
 
 @kernel
