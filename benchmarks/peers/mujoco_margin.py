@@ -11,6 +11,7 @@ from armguard.geometry.shapes import ShapeKind
 from armguard.scene import SceneTables
 from arrays import Floats
 from peers import Pairs
+from peers.shapes import is_ball
 
 GEOM = mujoco.mjtGeom
 JOINTS = {1: mujoco.mjtJoint.mjJNT_HINGE, 2: mujoco.mjtJoint.mjJNT_SLIDE}
@@ -80,7 +81,7 @@ def geom(kind: int, row: Floats) -> dict[str, Any]:
     Raises:
         ValueError: MuJoCo has no such shape.
     """
-    if kind == ShapeKind.SPHERE:
+    if is_ball(kind, row):
         return {"type": GEOM.mjGEOM_SPHERE, "size": (row[0], 0, 0), "pos": row[1:4]}
     if kind == ShapeKind.CAPSULE:
         size = row[0], 0, 0

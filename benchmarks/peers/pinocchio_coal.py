@@ -11,6 +11,7 @@ from armguard.geometry.shapes import ShapeKind
 from armguard.scene import SceneTables
 from arrays import Floats
 from peers import Pairs, checked_pairs
+from peers.shapes import is_ball
 
 
 def build_models(tables: SceneTables) -> tuple[Any, Any]:
@@ -54,7 +55,7 @@ def transform(rows: Floats) -> Any:
 
 def coal_shape(kind: int, row: Floats) -> tuple[Any, Any]:
     """Coal's shape of a primitive, and its frame."""
-    if kind == ShapeKind.SPHERE:
+    if is_ball(kind, row):
         return coal.Sphere(row[0]), pin.SE3(np.eye(3), row[1:4].copy())
     if kind == ShapeKind.CAPSULE:
         axis = row[4:7] - row[1:4]

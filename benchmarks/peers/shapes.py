@@ -19,12 +19,23 @@ from armguard.geometry import (
     HalfSpace,
     Hull,
     Shape,
+    ShapeKind,
     Sphere,
     Triangle,
 )
 from arrays import Floats
 
 Convex = Callable[[Floats, NDArray[np.intp]], Any]
+
+
+# Axis of a capsule below which a peer takes it for a sphere [m].
+SHORT = 1e-9
+
+
+def is_ball(kind: int, row: Floats) -> bool:
+    """Whether a primitive's row is a sphere, or a capsule without a length."""
+    short = float(np.linalg.norm(row[4:7] - row[1:4])) <= SHORT
+    return kind == ShapeKind.SPHERE or (kind == ShapeKind.CAPSULE and short)
 
 
 def peer_geometry(
