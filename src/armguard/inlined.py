@@ -18,7 +18,7 @@ from numba.core.compiler import Compiler, Flags
 ENVIRONMENT = "_ZN08NumbaEnv"
 
 # Numba numbers the functions that a process compiles, and the number is the part of a
-# symbol that tells closures of one function apart. Code that several processes have
+# symbol by which closures of one function differ. Code that several processes have
 # kept is linked by these symbols, so no two processes may use the same numbers.
 FunctionIdentity._unique_ids = count(randbits(48))
 

@@ -1,7 +1,7 @@
 """Derivatives of positions along a direction by the joints of a chain.
 
 Points are bounded eight at a time, one in each lane: the corners of a box, or the ends
-of a capsule and six places that nobody reads.
+of a capsule and six places that are not read.
 """
 
 from typing import Annotated, Any, NamedTuple
