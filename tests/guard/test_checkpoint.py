@@ -12,6 +12,7 @@ from armguard.errors import ArmguardError, SceneError
 from armguard.geometry import Box, Hull, Pose, Sphere
 from armguard.guard.checkpoint import MAGIC, CheckpointError, unpack
 from armguard.guard.levels import Level
+from armguard.guard.watch import FEW
 from armguard.scene.settings import IndexSettings, ResponseSettings
 from bay_loop import LEFT, RIGHT, bay_guard
 from grippers import PERIOD, Loop, guard_of, pick_scene
@@ -220,7 +221,7 @@ def crowd():
     """An arm among so many objects that the index is asked, some of them hulls."""
     rng = np.random.default_rng(8)
     bare = bay_scene("path")
-    for k in range(150):
+    for k in range(FEW):
         place = (*rng.uniform(-1.5, 1.5, 2), rng.uniform(0.0, 0.1))
         shape = Sphere(radius=0.02)
         if k % 10 == 0:
@@ -286,7 +287,7 @@ class Forked:
 
 
 @pytest.mark.parametrize(
-    ("kind", "count"), [("octree", 0), ("octree", 150), ("brute_force", 0)]
+    ("kind", "count"), [("octree", 0), ("octree", FEW), ("brute_force", 0)]
 )
 def test_a_block_is_gripped_carried_and_put_down(kind, count):
     def make():

@@ -9,7 +9,14 @@ from approach import FIGURES, PERIOD
 from armguard.errors import SceneError
 from armguard.geometry import Box, Capsule, Pose, Sphere
 from armguard.guard import Level
-from armguard.guard.watch import BRAKING, RECOVERING, RESTING, RUNNING, STOPPING
+from armguard.guard.watch import (
+    BRAKING,
+    FEW,
+    RECOVERING,
+    RESTING,
+    RUNNING,
+    STOPPING,
+)
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.respond import Blocked, Guard
@@ -260,7 +267,7 @@ def test_an_operator_who_leads_into_the_way_of_what_comes_is_not_followed():
     assert Blocked.EVADING in blocked
 
 
-@pytest.mark.parametrize("crowd", [0, 150])
+@pytest.mark.parametrize("crowd", [0, FEW])
 def test_ways_that_lead_into_something_are_not_taken(crowd):
     # Below the arm there is a wall: it has to fold upwards.
     guard = tall_cart_guard(behind=-0.15, crowd=crowd, evade_time=2.0)

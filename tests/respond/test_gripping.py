@@ -6,6 +6,7 @@ import pytest
 from armguard.errors import GraspError, UnknownNameError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason
+from armguard.guard.watch import FEW
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED
@@ -77,7 +78,7 @@ def crowd(scene, count):
 
 
 @pytest.mark.parametrize(
-    ("kind", "count"), [("octree", 0), ("octree", 150), ("brute_force", 0)]
+    ("kind", "count"), [("octree", 0), ("octree", FEW), ("brute_force", 0)]
 )
 def test_pick_lift_carry_place_and_let_go_without_a_stop(kind, count):
     guard = guard_of(crowd(pick_scene(index=IndexSettings(kind=kind)), count))
