@@ -34,8 +34,8 @@ def draw_rates(figures: dict[str, Any], path: Path) -> None:
                 row = rates[f"{robot}, by margin{rest}"]
                 places = [str(m) for m in row]
                 right.plot(places, [*row.values()], "o-", label=f"{robot}{rest}")
-        left.set(xlabel="balls and boxes", ylabel="`clear` [ns a row]", ylim=(0, None))
-        right.set(xlabel="margin [m]", ylabel="`distances` [ns a row]", ylim=(0, None))
+        left.set(xlabel="balls and boxes", ylabel="clear [ns a row]", ylim=(0, None))
+        right.set(xlabel="margin [m]", ylabel="distances [ns a row]", ylim=(0, None))
         left.legend(fontsize=8)
         right.legend(fontsize=8)
 
@@ -50,7 +50,11 @@ def draw_proofs(figures: dict[str, Any], path: Path) -> None:
                 (x, s) for x, s in zip(edges[1:], shares, strict=True) if s is not None
             ]
             axes.plot(*zip(*known, strict=True), "o-", label=name)
-        axes.set(xscale="log", xlabel="clearance, up to [mm]", ylabel="share proven")
+        axes.set(
+            xscale="log",
+            xlabel="least headroom of samples, up to [mm]",
+            ylabel="share proven",
+        )
         axes.set_ylim(0.0, 1.05)
         axes.legend()
 

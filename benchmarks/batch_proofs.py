@@ -24,7 +24,7 @@ PART = 500
 # Motions that keep this distance from every buffer should be proven [m].
 CLEARANCE = 0.005
 
-# Ranges of clearance in which the share of proven motions is counted [m].
+# Ranges of least headroom in which the share of proven motions is counted [m].
 LARGEST = 0.02
 EDGES = (0.0, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, LARGEST)
 
