@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import armguard as ag
-from armguard.batch.settle import ROOM
+from armguard.batch.scratch import ROOM
 from arms import simple_arm, wall_scene
 from coal_shapes import coal_request
 from peers.pinocchio_coal import build_models

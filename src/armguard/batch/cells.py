@@ -12,7 +12,8 @@ from armguard.batch.balls import SLACK
 from armguard.batch.grids import COARSE, FINE
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, widen_body
-from armguard.batch.settle import SPHERE, Scratch, compare_parts
+from armguard.batch.scratch import Scratch
+from armguard.batch.settle import SPHERE, compare_parts
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.kernel import kernel

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from armguard.batch.balls import SLACK
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, spread, widen
+from armguard.batch.scratch import Scratch
 from armguard.batch.search import search
-from armguard.batch.settle import Scratch, middle, near_point, settle
+from armguard.batch.settle import middle, near_point, settle
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.kernel import kernel
 from armguard.lanes import (

@@ -53,9 +53,9 @@ class Checker:
 
     It checks the pairs of primitives that a `Guard` of the scene checks: nothing is
     gripped, and a gripper is measured by its links. An object has the pose of the scene
-    until `place` or `remove`. The exact hulls of links, by which a guard may accept a
-    pair whose primitives are too near, are not measured. Other changes of the scene
-    need a new checker. Calls from several threads at once are allowed, but for `place`
+    until `place` or `remove`. Where two links' primitives are too near, `clear` and
+    `prove` measure their exact shapes, as a guard does; distances are those of the
+    primitives. Other changes of the scene need a new checker. Calls from several threads at once are allowed, but for `place`
     and `remove`.
 
     Attributes:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from armguard.batch.check import take_block, take_rows
 from armguard.batch.plan import Plan
 from armguard.batch.pose import Place, move_bodies, place, spread
+from armguard.batch.scratch import Scratch
 from armguard.batch.search import search
-from armguard.batch.settle import Scratch, gap_in_lane
+from armguard.batch.settle import gap_in_lane
 from armguard.geometry.vec3 import Vec3, cross, dot, sub
 from armguard.geometry.witness import WITNESS_WIDTH, turn_witness
 from armguard.kernel import kernel

@@ -86,6 +86,10 @@ class Plan(NamedTuple):
         region: The same as `grid` for the axes of the world, shape (3, 2).
         room: What the distance of each cell of the world from all that does not move is
             not below, as in `batch.cells`, shape (COARSE³,).
+        exact_of: First exact shape of the link of each primitive, and how many there
+            are; (-1, 0) where the primitive is exact itself, shape (p, 2).
+        exact_kinds: ShapeKind of each exact shape, shape (e,).
+        exact_rows: Their rows in the frame of their body, or in the world, (e, 16).
     """
 
     parent: IntVector
@@ -118,6 +122,9 @@ class Plan(NamedTuple):
     gaps: ByteVector
     region: Matrix
     room: ByteVector
+    exact_of: IntMatrix
+    exact_kinds: IntVector
+    exact_rows: Matrix
 
 
 class Rows:
@@ -189,6 +196,21 @@ class Rows:
         return spread, sways
 
 
+def turned_exact_rows(tables: SceneTables, turns: Floats) -> Floats:
+    """`Plan.exact_rows`, for turned frames of bodies, shape (b, 3, 3)."""
+    exact = tables.exact
+    rows = exact.rows.copy()
+    # Primitives of one link have the same exact shapes.
+    for (first, count), body in {
+        *zip(
+            map(tuple, exact.of_primitive.tolist()), tables.bodies.tolist(), strict=True
+        )
+    }:
+        for e in range(first, first + count) if body >= 0 else ():
+            rows[e] = turned_row(exact.kinds[e], exact.rows[e], turns[body])
+    return rows
+
+
 def ranges(tables: SceneTables) -> list[tuple[int, int]]:
     """First primitive and end of each part; boxes that stand for a gripper are none."""
     coarse = {part.coarse for part in tables.holds.grippers}
@@ -251,9 +273,6 @@ def plan_of(tables: SceneTables) -> Plan:
     pair_at[pairs[:, 0], pairs[:, 1]] = np.arange(len(pairs))
     group = np.array([tables.groups[first] for first in starts], dtype=int)
     buffers = tables.buffers[group[pairs[:, 0]], group[pairs[:, 1]]]
-    loose = np.full(moving, -np.inf)
-    static = pairs[:, 1] >= moving
-    np.maximum.at(loose, pairs[static, 0], buffers[static])
     apart = {*range(moving, len(parts))} - {*pairs[:listed, 1].tolist()}
     nodes, links = trees(balls, sorted(apart))
     carries = np.isin(np.arange(len(tables.parent)), bodies[:moving])
@@ -281,7 +300,7 @@ def plan_of(tables: SceneTables) -> Plan:
         pairs=pairs,
         listed=np.array([with_cells, listed], dtype=np.int32),
         ends=ends_of(pairs[:listed], np.array(parts)[:, 2], bodies, len(tables.parent)),
-        loose=loose,
+        loose=largest_static_buffers(pairs, buffers, moving),
         nodes=nodes,
         links=links,
         pair_at=pair_at,
@@ -291,7 +310,18 @@ def plan_of(tables: SceneTables) -> Plan:
         gaps=np.zeros(cells, dtype=np.uint8),
         region=region_of(points_at(poses, middles)[:, carries].reshape(-1, 3)),
         room=np.zeros(COARSE**3, dtype=np.uint8),
+        exact_of=tables.exact.of_primitive,
+        exact_kinds=tables.exact.kinds,
+        exact_rows=turned_exact_rows(tables, turns),
     )
+
+
+def largest_static_buffers(pairs: Ints, buffers: Floats, moving: int) -> Floats:
+    """Largest buffer to a static part, of each moving part; -inf without any [m]."""
+    largest = np.full(moving, -np.inf)
+    static = pairs[:, 1] >= moving
+    np.maximum.at(largest, pairs[static, 0], buffers[static])
+    return largest
 
 
 def ordered_pairs(

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from armguard.batch.check import open_place, open_plan, open_scratch
 from armguard.batch.pose import Place, move_bodies, spread, widen
+from armguard.batch.scratch import Scratch
 from armguard.batch.search import search
-from armguard.batch.settle import Scratch
 from armguard.kernel import kernel
 from armguard.lanes import WIDTH
 from armguard.table import LongMatrix, LongVector, opener, table

@@ -8,7 +8,7 @@ import numpy as np
 from armguard.batch.check import LONGEST
 from armguard.batch.near import Listing
 from armguard.batch.pose import CELLS, MOTIONS, ROWS, SPANS, Place
-from armguard.batch.settle import ROOM, Scratch, SearchSettings
+from armguard.batch.scratch import ROOM, Scratch, SearchSettings
 from armguard.errors import SceneError
 from armguard.geometry.shapes import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
@@ -93,7 +93,7 @@ def scratch_of(room: int, sizes: Sizes) -> Ledger:
             kept=np.zeros(WIDTH, dtype=np.int64),
             pairs=np.zeros((WIDTH * room, 2), dtype=np.int32),
             low=np.zeros((WIDTH * room, 2)),
-            single=np.zeros((3, ROW_WIDTH)),
+            single=np.zeros((4, ROW_WIDTH)),
             cells=place_arrays(CELLS, sizes),
         )
     )

@@ -7,10 +7,10 @@ from armguard.batch.balls import SLACK
 from armguard.batch.cells import find_cells, free_gap, free_room
 from armguard.batch.plan import Plan
 from armguard.batch.pose import MOTIONS, Place, place
+from armguard.batch.scratch import Scratch
 from armguard.batch.settle import (
     CODE,
     SHIFT,
-    Scratch,
     compare_parts,
     growth_of,
     number,

@@ -1,15 +1,17 @@
 """Pairs of parts in eight configurations or spans: what their primitives decide."""
 
 from math import inf
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.batch.balls import SLACK
+from armguard.batch.exact import exact_gap, is_refined, refined
 from armguard.batch.gaps import has_lanes, lane_gap
 from armguard.batch.plan import Plan
 from armguard.batch.pose import CELLS, MOTIONS, NEAR, SPANS, Place, place
+from armguard.batch.scratch import Scratch
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -28,15 +30,10 @@ from armguard.lanes import (
     splat,
     store,
 )
-from armguard.record import record
-from armguard.table import TABLE, IntMatrix, LongVector, Matrix, Vector, table
 
 Floats = NDArray[np.float64]
 
 SPHERE = int(ShapeKind.SPHERE)
-
-# Pairs that are kept of one span at most; a span with more is searched row by row.
-ROOM = 512
 
 # A pair of primitives i < j is the number CODE · i + j, which a double holds.
 SHIFT = 25
@@ -44,49 +41,6 @@ CODE = 1 << SHIFT
 
 # `bits` of a mask that is true in every lane.
 ALL = (1 << WIDTH) - 1
-
-
-@record
-class SearchSettings:
-    """What a search looks for.
-
-    Attributes:
-        margin: Distances from this on are left out [m].
-        strict: 1 if distances count above the pair's buffer.
-        drop: Infinite where one pair decides a configuration, else 0 [m].
-        limit: Greatest joint position [rad or m].
-    """
-
-    margin: float
-    strict: int
-    drop: float
-    limit: float
-
-
-@table
-class Scratch(NamedTuple):
-    """What one call writes beside its places.
-
-    Attributes:
-        settings: What is searched for.
-        block: Joint positions of the rows of eight spans, and eight numbers more,
-            shape (256 · n + 8,).
-        sides: Middle, half width and sum of magnitudes, of eight joints, (24,).
-        kept: Pairs that are kept of each span; -1: search its rows, shape (8,).
-        pairs: Primitives of those pairs, shape (8 · room, 2).
-        low: Least distance they may have in a row, and their buffer, (8 · room, 2) [m].
-        single: Rows of a pair in one configuration, and its witness, shape (3, 16).
-        cells: Where the joints between two links are searched, cell by cell.
-    """
-
-    settings: SearchSettings
-    block: Vector
-    sides: Vector
-    kept: LongVector
-    pairs: IntMatrix
-    low: Matrix
-    single: Matrix
-    cells: Annotated[Place, TABLE]
 
 
 @kernel
@@ -240,12 +194,18 @@ def settle(
     lie below; not where `keep` is 0. In mode NEAR it is kept for the rows in which it
     may be nearer than the margin. A span of a motion is not proven if the pair may lie
     below. In cells the least distance becomes one that it may not lie below.
+
+    Where distances count above buffers, the exact shapes of two links decide if their
+    primitives are too near.
     """
     if not has_lanes(min(p.kinds[i], p.kinds[j]), max(p.kinds[i], p.kinds[j])):
         settle_by_bound(i, j, buffer, growth, keep, p, s, w)
         return
     gap, best = gap_of(i, j, p, w) - buffer, load(w.best, 0)
+    exact = s.settings.strict == 1 and is_refined(i, j, p)
     if w.mode[0] == MOTIONS:
+        if exact:
+            gap = refined(i, j, buffer, gap, growth + SLACK, p, s, w)
         refuse(gap - (growth + SLACK) >= best, gap, w)
         return
     if w.mode[0] == CELLS:
@@ -257,11 +217,14 @@ def settle(
         low = gap - growth
         if keep == 1:
             keep_pair(i, j, buffer, low, best, s, w)
-        if w.mode[0] == NEAR:
+        # Exact shapes may be farther apart: no upper bound of the distance is known.
+        if w.mode[0] == NEAR or exact:
             return
         gap = gap + growth
         nearer = (gap < best) & (low < best)
     else:
+        if exact:
+            gap = refined(i, j, buffer, gap, growth, p, s, w)
         pair = load(w.pair, 0)
         nearer = (gap < best) | ((gap == best) & (splat(code) < pair))
     if some(nearer):
@@ -320,6 +283,7 @@ def settle_by_bound(
     left = bits(low < best)
     if left == 0:
         return
+    exact = s.settings.strict == 1 and is_refined(i, j, p)
     place(i, p, w)
     place(j, p, w)
     store(w.bound, 0, growth + SLACK)
@@ -328,6 +292,9 @@ def settle_by_bound(
         left &= left - 1
         gap = gap_in_lane(i, j, lane, p, s, w) - buffer
         best_here, pair = w.best[lane], w.pair[lane]
+        margin = w.bound[lane] if w.mode[0] == MOTIONS else 0.0
+        if exact and not gap - margin >= min(best_here, 0.0):
+            gap = max(gap, exact_gap(i, j, lane, p, s, w) - buffer)
         if w.mode[0] == MOTIONS:
             if not gap - w.bound[lane] >= best_here:
                 w.best[lane] = -inf
