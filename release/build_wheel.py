@@ -37,12 +37,16 @@ def compile_kernels() -> None:
     """Compile what a guard needs, then what programs add to it."""
     from armguard.respond import Guard
     from armguard.respond.compiling import compile_ahead
+    from armguard.respond.evasion import evade_all
     from armguard.respond.guard import try_out
     from armguard.scene import bay_scene
+    from armguard.separate import link_missing
 
     compile_ahead(print, True, try_out)
     guard = Guard(bay_scene("path"))
     guard.restore(guard.checkpoint())
+    # Moving objects, which no program below has.
+    link_missing(evade_all)
     for arguments in PROGRAMS:
         subprocess.run([sys.executable, "-m", "armguard", *arguments], check=True)
 

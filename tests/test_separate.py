@@ -185,7 +185,76 @@ def test_every_separate_kernel_can_be_reached_from_one_that_python_calls():
         for one in separate.kernels_from(run_filtered_cycle)
         if isinstance(one, SeparateKernel)
     }
-    assert {"measure_at", "rebuild_world", "prove_pair", "read_intents"} <= names
+    assert {"measure_at", "rebuild_world", "prove_pair", "add_pairs"} <= names
+
+
+OPTIONAL = """
+from armguard.kernel import kernel
+
+@kernel(separate=True)
+def third(x: float) -> float:
+    return x / 3.0
+
+@kernel(separate=True, optional=True)
+def rare(x: float) -> float:
+    return 2.0 * x
+
+@kernel(separate=True, optional=True)
+def feature(x: float) -> float:
+    return rare(third(x))
+
+@kernel(entry=True)
+def call(x, on):
+    return feature(x) if on else x
+"""
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_an_optional_kernel_is_linked_by_what_turns_its_feature_on(tmp_path, kept):
+    (tmp_path / "optional.py").write_text(OPTIONAL)
+    state = "print(m.feature.linked, m.rare.linked, m.third.linked)\n"
+    program = f"""
+import optional as m
+from armguard.separate import link_missing
+print(m.call(1.5, False))
+{state}link_missing(m.feature)
+{state}print(m.call(1.5, True))
+"""
+    for _ in range(1 + kept):
+        made = run(tmp_path, program)
+    assert made.stdout.split() == "1.5 False False False True True True 1.0".split(), (
+        made.stderr
+    )
+
+
+def test_a_field_with_the_name_of_a_kernel_is_no_call_of_it(tmp_path):
+    (tmp_path / "named.py").write_text("""
+from armguard.kernel import kernel
+
+@kernel(separate=True)
+def shape(x: float) -> float:
+    return x
+
+@kernel(entry=True)
+def count(array):
+    return array.shape[0]
+""")
+    code = "import named as m, numpy as np; print(m.count(np.zeros(3)), m.shape.linked)"
+    made = run(tmp_path, code)
+    assert made.stdout == "3 False\n", made.stderr
+
+
+def test_kernels_of_rare_features_are_optional():
+    from armguard.guard.contract_cycle import judge_with_contracts
+    from armguard.guard.contracts import prove_with_contract
+    from armguard.guard.intent import read_intents
+    from armguard.respond.evasion import evade_all
+    from armguard.respond.whole_cycle import run_filtered_cycle
+
+    features = judge_with_contracts, prove_with_contract, read_intents, evade_all
+    assert all(one.optional for one in features)
+    reached = separate.kernels_from(run_filtered_cycle)
+    assert not any(one in reached for one in features)
 
 
 def test_the_kernel_of_a_response_is_reached():

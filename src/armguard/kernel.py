@@ -158,7 +158,11 @@ def kernel(function: Kernel) -> Kernel: ...
 
 @overload
 def kernel(
-    *, inline: bool = True, entry: bool = False, separate: bool = False
+    *,
+    inline: bool = True,
+    entry: bool = False,
+    separate: bool = False,
+    optional: bool = False,
 ) -> Callable[[Kernel], Kernel]: ...
 
 
@@ -168,6 +172,7 @@ def kernel(
     inline: bool = True,
     entry: bool = False,
     separate: bool = False,
+    optional: bool = False,
 ) -> Callable[..., Any]:
     """Compile a function with the options every kernel shares.
 
@@ -184,13 +189,17 @@ def kernel(
             own, and two in three kernels never need it: a quarter of compile time.
         separate: Whether it stays an object of its own, see `SeparateKernel`; for large
             kernels, above all where several call them.
+        optional: Whether a separate one serves a feature that few scenes have: what
+            turns the feature on links it, see `link_missing`.
     """
     if function is not None:
         return compiled(function, inline, entry, separate)
 
     def decorate(wrapped: Callable[..., Any]) -> Callable[..., Any]:
         made = compiled(wrapped, inline, entry, separate)
-        return SeparateKernel(made) if separate and made is not wrapped else made
+        if separate and made is not wrapped:
+            return SeparateKernel(made, optional)
+        return made
 
     return decorate
 

@@ -6,11 +6,15 @@ own: its callers load its address from a cell, as a program calls a shared libra
 cell is a symbol of the process, so a caller that was kept on disk finds it in any
 process that has imported both. `link` writes the addresses before Python calls a
 kernel.
+
+An optional kernel serves a feature that few scenes have. Its callers do not link it:
+what turns the feature on does, before the first call.
 """
 
 import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dis import get_instructions
 from functools import update_wrapper
 from inspect import getclosurevars
 from typing import Any, get_type_hints
@@ -44,19 +48,21 @@ class SeparateKernel:
         signature: Types of what it returns and takes.
         symbol: Name of its cell.
         cell: Holds the address of its code; that of `trap` before it is linked.
+        optional: Whether its callers are linked without it.
         linked: Whether it is compiled, or about to be.
 
     Args:
         dispatcher: See above. All parameters and what is returned are annotated with
             numbers, tuples of them, arrays of the kinds of `table`, tables or records.
+        optional: See above.
     """
 
-    def __init__(self, dispatcher: Any) -> None:
+    def __init__(self, dispatcher: Any, optional: bool = False) -> None:
         self.py_func = function = dispatcher.py_func
         update_wrapper(self, function)
         hints = get_type_hints(function, include_extras=True)
         returned = as_numba_type(hints.pop("return"))
-        self.dispatcher = dispatcher
+        self.dispatcher, self.optional = dispatcher, optional
         self.signature = returned(*map(as_numba_type, hints.values()))
         self.symbol = f"{function.__module__}.{function.__qualname__}"
         self.cell = ctypes.cast(TRAP, ctypes.c_void_p)
@@ -108,7 +114,7 @@ class SeparateKernel:
                 wanted = kernel.signature.args
                 if any(map(would_be_cut, args, wanted)):
                     return None
-                if not kernel.linked:
+                if not kernel.optional:
                     link_missing(kernel)
                 return super().apply(args, kws)
 
@@ -137,7 +143,8 @@ def would_be_cut(given: Any, wanted: Any) -> bool:
 def link(kernel: Callable[..., Any], last_first: bool = False) -> None:
     """Compile, or load, all separate kernels that a kernel may call, by others too.
 
-    And the kernel itself where it is a separate one.
+    And the kernel itself where it is a separate one. Optional kernels are left out,
+    but for the kernel itself and what an optional one calls.
 
     Args:
         kernel: The kernel.
@@ -158,8 +165,11 @@ def link(kernel: Callable[..., Any], last_first: bool = False) -> None:
 
 
 def link_missing(kernel: Any) -> None:
-    """Link what a kernel may call, but for what is being linked at this moment."""
-    if kernel.linked:
+    """Link what a kernel may call, but for what is being linked at this moment.
+
+    Does nothing where kernels are interpreted.
+    """
+    if getattr(kernel, "linked", True):
         return
     with global_compiler_lock:
         for one in kernels_from(kernel):
@@ -171,14 +181,31 @@ def kernels_from(kernel: Any) -> list[Any]:
     """A kernel and all that it may call, nearest first; none where all is interpreted.
 
     What a kernel calls is a name of its module, or of the function that made it.
+    Optional kernels are reached from an optional kernel only.
     """
     reached: dict[int, Any] = {id(kernel): kernel}
     waiting = [kernel] if isinstance(kernel, Dispatcher | SeparateKernel) else []
+    within = is_optional(kernel)
     for one in waiting:
-        names = getclosurevars(one.py_func)
-        for value in (*names.globals.values(), *names.nonlocals.values()):
-            known = id(value) in reached
-            if not known and isinstance(value, Dispatcher | SeparateKernel):
+        for value in named_values(one.py_func):
+            left_out = id(value) in reached or (is_optional(value) and not within)
+            if not left_out and isinstance(value, Dispatcher | SeparateKernel):
                 reached[id(value)] = value
                 waiting.append(value)
     return waiting
+
+
+def is_optional(value: Any) -> bool:
+    """Whether it is a kernel that its callers are linked without."""
+    return isinstance(value, SeparateKernel) and value.optional
+
+
+def named_values(function: Callable[..., Any]) -> Iterator[Any]:
+    """Values of the names of a function's module and maker that its code reads.
+
+    `inspect.getclosurevars` takes names of fields for names of the module.
+    """
+    yield from getclosurevars(function).nonlocals.values()
+    for instruction in get_instructions(function):
+        if instruction.opname == "LOAD_GLOBAL":
+            yield function.__globals__.get(instruction.argval)

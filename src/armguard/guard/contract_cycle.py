@@ -29,7 +29,7 @@ def judge_all(w: Workspace) -> None:
         judge_motions(w)
 
 
-@kernel(separate=True)
+@kernel(separate=True, optional=True)
 def judge_with_contracts(w: Workspace) -> None:
     """Choose the grippers' models, judge every pair, end contracts that are over.
 

@@ -65,7 +65,7 @@ def prove(
     return prove_pair(i, j, plan_i, plan_j, near, w)
 
 
-@kernel(separate=True)
+@kernel(separate=True, optional=True)
 def prove_with_contract(
     i: int, j: int, plan_i: int, plan_j: int, near: NearRow, w: Workspace
 ) -> tuple[int, float]:

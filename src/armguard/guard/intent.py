@@ -65,7 +65,7 @@ DIRECTED_SPEED = 1e-4
 TOWARDS = 0.5
 
 
-@kernel(separate=True)
+@kernel(separate=True, optional=True)
 def read_intents(u: Vector, w: Workspace) -> None:
     """Open and end contracts by intent, of every gripper and of held objects.
 

@@ -12,6 +12,8 @@ from armguard.guard.answer import answer_of, first_row_of, names_of, stop_answer
 from armguard.guard.checkpoint import chosen, kept_of_tables
 from armguard.guard.checkpoint_bounds import greatest_of
 from armguard.guard.contract import ContractTable
+from armguard.guard.contract_cycle import judge_with_contracts
+from armguard.guard.contracts import prove_with_contract
 from armguard.guard.cycle import run_cycle
 from armguard.guard.given import (
     CycleInput,
@@ -24,6 +26,7 @@ from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
 from armguard.guard.initial import listed_pairs, watch_of
+from armguard.guard.intent import read_intents
 from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 from armguard.guard.objects import Objects
@@ -38,6 +41,7 @@ from armguard.guard.world_at_home import build_index, world_at_home
 from armguard.motion import motion_of
 from armguard.record import records
 from armguard.scene.tables import SceneTables
+from armguard.separate import link_missing
 from armguard.table import Ledger
 
 # Arrays of a workspace that are the scene's own.
@@ -298,6 +302,9 @@ class Loop:
     def _expect_contracts(self) -> None:
         """Enable contracts in the loop if there may be any, else disable them."""
         may_be = len(self._grips.grippers) > 0 or self._grips.may.any()
+        if may_be:
+            for kernel in (judge_with_contracts, prove_with_contract, read_intents):
+                link_missing(kernel)
         settings = self._settings
         settings.contracts = settings.intents = may_be
 

@@ -1,4 +1,4 @@
-"""Small octree whose use compiles or loads the kernels of the octree."""
+"""Small octree whose changes compile or load the kernels of a tree."""
 
 import numpy as np
 
@@ -23,12 +23,3 @@ def small_tree() -> Octree:
         growth=np.full(8, 0.05),
     )
     return Octree(world, leaf_capacity=1)
-
-
-def compile_octree() -> None:
-    """Call every kernel of the octree that a guard calls, on a small tree."""
-    tree = small_tree()
-    tree.update(0)
-    tree.candidates(0)
-    tree.remove(0)
-    tree.insert(0)

@@ -23,7 +23,7 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
-from armguard.index.small_tree import compile_octree
+from armguard.guard.objects import load_kernels
 from armguard.kernel import KERNEL_CACHE, READY_CODE
 from armguard.processes import FIRST
 from armguard.respond.whole_cycle import (
@@ -48,7 +48,7 @@ READY = "fixed.ready"
 GUARDED_READY = "guarded.ready"
 
 # Approximate number of files of a complete cache, without and with stops.
-FILES, GUARDED_FILES = 280, 700
+FILES, GUARDED_FILES = 270, 625
 
 # Allocations between two collections of garbage while kernels are compiled; a compiler
 # keeps most of what it makes, and Python's 700 took an eighth of the time.
@@ -260,7 +260,7 @@ def compile_here(guarded: bool, try_out: TryOut) -> None:
 
 def compile_there(guarded: bool, try_out: TryOut) -> None:
     """Compile the other process's part: octree, half of the filter, paths."""
-    compile_octree()
+    load_kernels()
     if guarded:
         compile_filter(last_first=False)
         compile_cycle("path", try_out)

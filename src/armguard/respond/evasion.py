@@ -74,8 +74,23 @@ class Search(IntEnum):
     BEST = 2  # the best one is known, and it is not good
 
 
-@kernel(separate=True)
+@kernel
 def look_for_threats(a: Response, w: Workspace) -> None:
+    """Find robots with approaching obstacles, where any object moves.
+
+    Args:
+        a: The responses; `requested` is written already.
+        w: The workspace, after a cycle was opened.
+    """
+    v = w.watch
+    for r in range(v.evades.shape[0]):
+        v.evades[r] = 0
+    if v.movers.shape[0] != 0:
+        evade_all(a, w)
+
+
+@kernel(separate=True, optional=True)
+def evade_all(a: Response, w: Workspace) -> None:
     """Find robots with approaching obstacles, and request escape motions for them.
 
     Args:
@@ -83,12 +98,8 @@ def look_for_threats(a: Response, w: Workspace) -> None:
         w: The workspace, after a cycle was opened.
     """
     v, m = w.watch, w.motion
-    for r in range(v.evades.shape[0]):
-        v.evades[r] = 0
     for k in range(v.movers.shape[0]):
         v.evaded[v.movers[k]] = 0
-    if v.movers.shape[0] == 0:
-        return
     e = a.escape
     for r in range(v.evades.shape[0]):
         if a.settings[r].evade_time == 0.0:

@@ -16,14 +16,14 @@ from armguard.guard.monitor import Monitor
 from armguard.guard.parts import delegated
 from armguard.guard.self_test import SelfTestReport
 from armguard.guard.verdict import Verdict
+from armguard.respond import remembered
 from armguard.respond.command import Blocked, Command
 from armguard.respond.compiling import compile_ahead
 from armguard.respond.daqp_interface import FUNCTION
 from armguard.respond.escape_state import escape_of
+from armguard.respond.evasion import evade_all
 from armguard.respond.goals import Guidance, check_modes
 from armguard.respond.lead_state import lead_of
-from armguard.respond.remembered import BOUNDS as RESPONSE_BOUNDS
-from armguard.respond.remembered import more_of
 from armguard.respond.requested import (
     positions_in,
     reason_of_stop,
@@ -51,6 +51,7 @@ from armguard.respond.whole_cycle import (
     run_filtered_cycle,
 )
 from armguard.scene.scene import Scene
+from armguard.separate import link_missing
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
@@ -376,16 +377,17 @@ class Guard(Monitor):
     def _prepare_filter(self) -> Response:
         """Allocate the responses; a mode "fixed" raises `SceneError`."""
         check_modes(self.tables)
+        if len(self._watch.movers):
+            link_missing(evade_all)
         self._lead = lead_of(self.tables)
         self._escape = escape_of(self.tables)
-        settings = behaviours(self.tables)
-        response = response_of(self.tables, settings, self._lead, self._escape)
+        given = self.tables, behaviours(self.tables), self._lead, self._escape
+        self._response = response = response_of(*given)
         self._response_ledger = Ledger(response)
         self._response_lines = self._response_ledger.lines
-        self._response = response
         self._guidance.response, self._guidance.lead = response, self._lead
         kept = chosen(response=response, lead=self._lead, escape=self._escape)
-        self._saving.add(kept, RESPONSE_BOUNDS, more_of(self.tables))
+        self._saving.add(kept, remembered.BOUNDS, remembered.more_of(self.tables))
         return response
 
 
