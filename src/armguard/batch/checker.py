@@ -55,8 +55,8 @@ class Checker:
     gripped, and a gripper is measured by its links. An object has the pose of the scene
     until `place` or `remove`. Where two links' primitives are too near, `clear` and
     `prove` measure their exact shapes, as a guard does; distances are those of the
-    primitives. Other changes of the scene need a new checker. Calls from several threads at once are allowed, but for `place`
-    and `remove`.
+    primitives. Other changes of the scene need a new checker. Calls from several
+    threads at once are allowed, but for `place` and `remove`.
 
     Attributes:
         q_names: 'robot/joint' of each place of a configuration.

@@ -10,8 +10,8 @@ from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
+from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Hull, PlacedShape
 from armguard.robot.meshes import load_triangles
@@ -83,7 +83,5 @@ def cut(triangles: Floats, parts: int) -> list[Floats]:
 
 def hull_volume(triangles: Floats) -> float:
     """Volume of the hull of triangles; 0 if they are flat [m³]."""
-    try:
-        return float(ConvexHull(triangles.reshape(-1, 3)).volume)
-    except (QhullError, ValueError):
-        return 0.0
+    hull = convex_hull(triangles.reshape(-1, 3))
+    return 0.0 if hull is None else float(hull.volume)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from armguard.bounded import read_bytes
 from armguard.errors import MeshError
+from armguard.geometry.convex_hull import mesh_library
 from armguard.robot.model import MeshFile
 
 Floats = NDArray[np.float64]
@@ -39,11 +40,11 @@ def load_triangles(mesh: MeshFile) -> Floats:
         Corners, shape (n, 3, 3) [m].
 
     Raises:
+        ModelError: trimesh is not installed.
         MeshError: The file cannot be read, is empty or too large, has no area, or
             holds numbers that are no lengths.
     """
-    import trimesh
-
+    trimesh = mesh_library("trimesh")
     name = mesh.path.name
     if mesh.path.suffix.lower() not in FORMATS:
         raise MeshError(

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 from trimesh import Trimesh
 from trimesh.creation import icosphere
 from trimesh.util import concatenate
 
 from armguard.errors import ArmguardError
+from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes import ShapeKind, shape_row
 from armguard.robot.meshes import load_triangles
@@ -114,7 +114,7 @@ def hull_mesh(points: Floats) -> Trimesh:
     """Triangles of a convex hull, turned outwards."""
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=THIN) < 3:
         points = (points[:, None] + THIN * directions(0)[None]).reshape(-1, 3)
-    hull = ConvexHull(points)
+    hull = convex_hull(points)
     faces = np.searchsorted(np.sort(hull.vertices), hull.simplices)
     vertices = points[np.sort(hull.vertices)]
     a, b, c = vertices[faces.T]

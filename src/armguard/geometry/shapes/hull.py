@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.errors import ShapeError
+from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import Floats, framed_row
 from armguard.geometry.shapes.sizes import check_size
@@ -120,12 +121,10 @@ def distinct(points: Floats) -> tuple[Floats, NDArray[np.intp]]:
 
 def hull_indices(points: Floats) -> Sequence[int] | NDArray[np.intp]:
     """Corners of points that span their space; all of them where qhull fails."""
-    from scipy.spatial import ConvexHull, QhullError
-
     spread = np.ptp(points, axis=0)
     scaled = (points - points.min(axis=0)) / spread.max()
-    try:
-        return np.asarray(ConvexHull(scaled).vertices, dtype=np.intp)
-    except QhullError:
+    hull = convex_hull(scaled)
+    if hull is None:
         # Nearly flat: more vertices than needed give the same hull.
         return range(len(points))
+    return np.asarray(hull.vertices, dtype=np.intp)

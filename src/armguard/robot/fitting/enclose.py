@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.convex_hull import convex_hull, mesh_library
 from armguard.geometry.pose import LOOKS_LIKE_DEGREES, Pose, rotation_from_rpy
 from armguard.geometry.shapes import Box, Capsule, PlacedShape
 from armguard.geometry.shapes.hull import distinct
@@ -51,15 +52,11 @@ class Enclosure:
 
 def hull_points(points: Floats) -> Floats:
     """The points that span the convex hull; all of them where there is none."""
-    from scipy.spatial import ConvexHull, QhullError
-
     points, _ = distinct(points)
     if len(points) < 8:
         return points
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except QhullError:
-        return points
+    hull = convex_hull(points)
+    return points if hull is None else np.asarray(points[hull.vertices])
 
 
 def principal_axes(points: Floats) -> Floats:
@@ -153,8 +150,7 @@ def best_box(points: Floats, *, refine: bool = True) -> Enclosure:
 
 def search(judge: Callable[[Floats], float], starts: list[Floats]) -> Floats:
     """Best of several searches without derivatives; the figure has kinks."""
-    from scipy.optimize import minimize
-
+    minimize = mesh_library("scipy.optimize").minimize
     best, least = starts[0], judge(starts[0])
     for start in starts:
         found = minimize(

@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from armguard.geometry import shapes as convex
+from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Hull, PlacedShape
 from armguard.geometry.shapes.hull import distinct
@@ -91,10 +91,10 @@ def sticks_out(faces: Floats, shapes: Sequence[PlacedShape]) -> bool:
 def hull_faces(hull: Hull) -> Floats:
     """Triangles of a hull's surface, shape (n, 3, 3) [m]; of a flat one, its plane."""
     vertices = hull.vertices
-    try:
-        return np.asarray(vertices[ConvexHull(vertices).simplices])
-    except (QhullError, ValueError):
-        # Flat, or fewer than four vertices: a fan holds the whole of it.
-        last = len(vertices) - 1
-        fan = [(0, k, min(k + 1, last)) for k in range(last)] or [(0, 0, 0)]
-        return np.asarray(vertices[np.array(fan)])
+    whole = convex_hull(vertices)
+    if whole is not None:
+        return np.asarray(vertices[whole.simplices])
+    # Flat, or fewer than four vertices: a fan holds the whole of it.
+    last = len(vertices) - 1
+    fan = [(0, k, min(k + 1, last)) for k in range(last)] or [(0, 0, 0)]
+    return np.asarray(vertices[np.array(fan)])

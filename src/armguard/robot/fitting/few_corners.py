@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
+from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.pose import Pose
 from armguard.geometry.proximity import distances
 from armguard.geometry.shapes import Hull, PlacedShape, Sphere
@@ -41,23 +41,28 @@ def with_few_corners(placed: PlacedShape) -> PlacedShape:
     hull = placed.shape
     if not isinstance(hull, Hull) or len(hull.vertices) <= FEW:
         return placed
-    try:
-        kept, growth = fewer(hull.vertices)
-    except QhullError:
+    found = fewer(hull.vertices)
+    if found is None:
         return placed
+    kept, growth = found
     held = Hull(points=kept, rounding=hull.rounding + growth)
     return replace(placed, shape=held, model_error=placed.model_error + growth)
 
 
-def fewer(corners: Floats) -> tuple[Floats, float]:
+def fewer(corners: Floats) -> tuple[Floats, float] | None:
     """Some of the corners, and the growth of their hull that holds all of them [m].
 
+    None if their hull is flat.
+
     Args:
-        corners: Corners of a hull that is not flat, shape (n, 3) [m].
+        corners: Corners of a hull, shape (n, 3) [m].
     """
     kept = np.unique((corners @ sphere(DIRECTIONS).T).argmax(axis=0))
     while True:
-        planes = ConvexHull(corners[kept]).equations
+        hull = convex_hull(corners[kept])
+        if hull is None:
+            return None
+        planes = hull.equations
         beyond = corners @ planes[:, :3].T + planes[:, 3]
         # A corner is at least so far from the hull as it lies beyond one of its planes.
         far = beyond.max(axis=1)

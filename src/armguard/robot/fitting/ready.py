@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from armguard.errors import ArmguardError
+from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Hull, PlacedShape
 from armguard.kernel import PACKAGE
@@ -57,7 +57,7 @@ def ready_fit(key: str, link: Link) -> FittedLink | None:
         if row is not None:
             try:
                 return proven_fit(row, link)
-            except (ArmguardError, IndexError, ValueError, QhullError):
+            except (ArmguardError, IndexError, ValueError):
                 return None
     return None
 
@@ -75,7 +75,6 @@ def proven_fit(row: Mapping[str, Any], link: Link) -> FittedLink | None:
         ShapeError: The hull has no corner.
         IndexError: The mesh lacks a corner.
         ValueError: The link has more or fewer meshes.
-        QhullError: The hull is flat.
     """
     shapes = tuple(map(as_shape, row["shapes"]))
     exact = []
@@ -105,11 +104,16 @@ def proven_fit(row: Mapping[str, Any], link: Link) -> FittedLink | None:
 def hull_holds(hull: Hull, points: Floats) -> bool:
     """Whether all points lie in a hull, to the rounding of qhull's planes.
 
+    Not in a flat one.
+
     Args:
-        hull: A hull that is not flat.
+        hull: The hull.
         points: Points, shape (n, 3) [m].
     """
-    planes = ConvexHull(hull.vertices).equations
+    whole = convex_hull(hull.vertices)
+    if whole is None:
+        return False
+    planes = whole.equations
     beyond = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     out = points[beyond > PLANE]
     return len(out) == 0 or bool(gaps(out, hull.vertices).max() <= hull.rounding)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import Hull, ShapeKind, shape_row
 from armguard.geometry.shapes.hull import distinct
@@ -83,14 +84,12 @@ def surface_samples(vertices: Floats, spacing: float) -> Floats:
 
     A flat hull is sampled at its vertices alone.
     """
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        # Scaled to the unit box: qhull's tolerances are absolute.
-        scaled = (vertices - vertices.min(axis=0)) / np.ptp(vertices, axis=0).max()
-        faces = vertices[ConvexHull(scaled).simplices]
-    except (QhullError, ValueError):
+    # Scaled to the unit box: qhull's tolerances are absolute.
+    scaled = (vertices - vertices.min(axis=0)) / np.ptp(vertices, axis=0).max()
+    hull = convex_hull(scaled)
+    if hull is None:
         return vertices
+    faces = vertices[hull.simplices]
     edges = faces - np.roll(faces, 1, axis=1)
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     steps = np.maximum(np.ceil(longest / spacing).astype(int), 1)
