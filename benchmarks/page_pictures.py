@@ -21,6 +21,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
 from armguard.guard.levels import Level
@@ -39,8 +40,8 @@ SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
 # Nothing here takes longer [s].
 PATIENCE = 120.0
 
-# As the demo on a busy computer has it.
-OPTIONS = ("--late", "0.08", "--stale", "0.2", "--no-self-test")
+# As the demo on a busy computer has it, and a rate that leaves time for the browser.
+OPTIONS = ("--rate", "100", "--late", "0.08", "--stale", "0.2", "--no-self-test")
 
 # Velocity of every first joint towards the other arm [rad/s].
 INWARD = 0.3
@@ -96,6 +97,10 @@ class Pictures:
         light = self.page.locator("#light")
         return lambda: light.get_attribute("data-level") in names
 
+    def says(self, words: str) -> Callable[[], bool]:
+        """Whether the sentence has these words."""
+        return lambda: words in self.page.locator("#why").inner_text()
+
 
 def main() -> int:
     """Keep all pictures."""
@@ -128,18 +133,20 @@ def main() -> int:
 def keep_live(pictures: Pictures) -> None:
     """Keep the states of arms that are driven, by a commander or in the page."""
     page = pictures.page
-    with Stage("bay", "--response", "deflect", *OPTIONS) as stage:
+    # Arms that slow down, and are not deflected, stay slow as long as they are led.
+    with Stage("bay", "--response", "slow", *OPTIONS) as stage:
         begin(stage)
         with shown("--port", str(stage.port)) as (view, link):
             open_page(page, link)
             pictures.keep("clear", pictures.level("CLEAR", "CAUTION"))
-            with moving_inward(stage):
+            with moving_inward(stage, releases=True):
                 pictures.keep("slow", pictures.level("SLOW"))
                 page.locator("#stop").click(force=True)
-                pictures.keep("person", pictures.level("HELD"))
+                pictures.keep("person", pictures.says("STOPPED BY A PERSON"))
                 # The first click asks whether to take the command from its holder.
-                for _ in range(2):
+                while page.locator("#drive").is_visible():
                     page.locator("#drive").click(force=True)
+                    page.wait_for_timeout(2000)
                 pictures.keep("drive", first=partial(show_drive, page))
             pictures.keep("edit", first=partial(refuse_edit, page))
             os.kill(view.pid, signal.SIGSTOP)
@@ -268,17 +275,23 @@ def shown(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 
 @contextmanager
-def moving_inward(stage: Stage) -> Iterator[None]:
-    """A commander that leads both arms towards each other, whatever happens."""
+def moving_inward(stage: Stage, releases: bool = False) -> Iterator[None]:
+    """A commander that leads both arms towards each other, whatever happens.
+
+    Args:
+        stage: Service and arms.
+        releases: Whether it sends zero velocity to release arms that are held.
+    """
     ended = threading.Event()
 
     def command() -> None:
         with Client(stage.port, role=Role.COMMAND, name="commander") as client:
             client.connect()
             client.claim()
-            velocities = [inward(name) for name in client.welcome.names]
+            velocities = np.array([inward(name) for name in client.welcome.names])
             while not ended.wait(0.02):
-                client.send_velocities(velocities)
+                held = releases and bool(client.latest.held)
+                client.send_velocities(0.0 * velocities if held else velocities)
                 # Reads answers, so that the service knows that this client lives.
                 client.receive()
 

@@ -186,7 +186,7 @@ def show(name: str, hour: Hour) -> None:
     )
     for seconds, sentence in hour.said:
         print(f"{seconds:6.2f} s  {sentence}")
-    print(f"\nnext: armguard view {hour.file}")
+    print(f"\nnext: armguard serve {hour.file} --rate {RATE} --view")
 
 
 def show_verdict(findings: list[dict[str, Any]]) -> None:

@@ -15,7 +15,8 @@ from armguard.cli.plausibility import FAST
 from armguard.errors import SceneError
 from armguard.geometry import Pose
 from armguard.scene import Scene, compile_scene
-from armguard.scene.posture import Distances, free_homes, touching_fingers
+from armguard.scene.pair_distances import Distances
+from armguard.scene.posture import free_homes, touching_fingers
 
 LINK = """<link name="{name}"><collision><origin xyz="{xyz}"/>
  <geometry>{shape}</geometry></collision></link>"""
@@ -98,9 +99,11 @@ def test_init_of_a_named_robot_twice_is_ready(tmp_path):
     assert values["robots"]["left"]["gripper"]["link"] == "panda_hand"
     schema = json.loads((tmp_path / "armguard.schema.json").read_text())
     assert {"robots", "cycle"} <= schema["properties"].keys()
-    result = run("check", path)
+    result = run("check", path, "--verbose")
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines()[-1].startswith("READY")
+    # The check tests the filter too, as a guard does when it is made.
+    assert "PASS self-test: filter: joint '" in result.stdout
     assert (
         "PASS loop: robots 'left', 'right', 16 joints; call the guard every 10 ms "
         in (words_of(result))
@@ -176,7 +179,7 @@ def test_init_of_mjcf_and_of_xacro_with_its_arguments_is_ready(tmp_path):
     ("thumb", "sentence"),
     [
         ("0.02", "WARN fingers: closed fingers touch at home"),
-        ("0.3", "WARN gripper: shapes of one gripper overlap at every opening"),
+        ("0.3", "WARN links: by construction these are too near"),
     ],
 )
 def test_contacts_within_a_gripper_are_warnings_with_lines_that_allow_them(
@@ -191,7 +194,7 @@ def test_contacts_within_a_gripper_are_warnings_with_lines_that_allow_them(
     assert result.exit_code == 1
     last = result.stdout.splitlines()[-1]
     assert last.startswith("NOT READY: ")
-    assert last.endswith("links of grippers to allow")
+    assert last.endswith("pairs of links to settle")
     lines = result.stdout.splitlines()
     start = lines.index("          allow:")
     pasted = "\n".join(

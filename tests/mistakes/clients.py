@@ -83,6 +83,10 @@ CLIENTS = {
         *("not connected", "call connect()", "first"),
         lambda client, arms: Client(client.port).stop(),
     ),
+    "a client that receives before it connects": Mistake(
+        *("not connected", "call connect()", "first"),
+        lambda client, arms: Client(client.port).receive(),
+    ),
     "a second controller": Mistake(
         *("a robot that another", "controller has", "stop that one first"),
         of_another("send_state", q=lambda client, arms: arms.q),

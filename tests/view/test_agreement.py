@@ -9,11 +9,13 @@ from armguard import Guard, bay_scene
 from armguard.guard import layout
 from armguard.guard.layout import IN_HEADER, IN_ROBOT
 from armguard.guard.levels import Level, Reason
+from armguard.guard.watch import SLOW_TIME_DEFAULT
 from armguard.recording.frames import Kind, frame_of
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.ring import RingReader, RingWriter
 from armguard.respond import Action
 from armguard.respond.command import Blocked
+from armguard.view.drawables import pair_look, slow_time
 from armguard.view.lateness import BUSY_SPAN, BUSY_STOPS, Lateness
 from armguard.view.state_message import since, state_message
 from armguard.view.world import World
@@ -134,7 +136,7 @@ def test_a_robot_that_is_still_stopping_says_why(filtered):
     verdict[layout.HEADER + IN_ROBOT.cause] = Reason.TOO_CLOSE
     message = state_message(world.cycle(replace(frame, verdict=verdict)), 0.0)
     assert "still stopping" in message["why"]
-    assert message["why"].endswith(f", because {Reason.TOO_CLOSE.sentence}")
+    assert message["why"].endswith(f" ({Reason.TOO_CLOSE.sentence})")
 
 
 def test_a_joint_outside_its_limits_is_named_with_the_way_back(filtered):
@@ -179,3 +181,29 @@ def test_a_machine_is_busy_after_three_stops_by_lateness_and_not_for_ever(filter
     assert lateness.busy
     now[0] += BUSY_SPAN
     assert not lateness.busy
+
+
+def test_the_label_of_the_pair_that_slows_an_arm_says_so(filtered, tmp_path):
+    """Also above the time below which an arm becomes slow: it stays slow for longer."""
+    world, _ = filtered
+    scene = bay_scene("path")
+    scene.period = 0.01
+    scene.set_response("slow")
+    guard = Guard(scene, self_test=False)
+    taped = RecordedGuard(guard, RingWriter(tmp_path / "ring"))
+    reader = RingReader(tmp_path / "ring")
+    signs = {"left/joint1": -0.3, "right/joint1": 0.3}
+    desired = np.array([signs.get(name, 0.0) for name in guard.q_names])
+    q, v, left = guard.home, 0.0 * desired, []
+    for k in range(800):
+        v = taped.filter(q, desired, 0.01 * k, velocity=v).velocity
+        q = q + 0.01 * v
+        desired *= 0.92 if left else 1.0
+        for frame in map(frame_of, reader.unread()):
+            cycle = world.cycle(frame)
+            if cycle.verdict.reason is Reason.SHORT_TIME:
+                pair = min(cycle.pairs, key=lambda pair: pair.time_left)
+                assert cycle.verdict.level is Level.SLOW
+                assert pair_look(pair, slow_time(cycle))[1] == "SLOW"
+                left.append(pair.time_left)
+    assert min(left) < SLOW_TIME_DEFAULT < max(left)

@@ -233,9 +233,11 @@ class Playground:
         end, left = time.monotonic() + seconds, seconds
         while True:
             wait = min(max(left, 0.0), LOOK)
-            if not self._observer.connected:
+            answer = None
+            if self._observer.connected:
+                answer = self._observer.receive(timeout=wait)
+            else:
                 time.sleep(wait)
-            answer = self._observer.receive(timeout=wait)
             while answer is not None:
                 self.answers.append(answer)
                 if answer.nearest is not None:

@@ -244,7 +244,7 @@ def verdict(lines: list[Merged]) -> str:
     blocked = any(finding.blocks for finding, _ in lines)
     parts = [counted(failures, "failure")] if failures else []
     parts += [counted(warnings, "warning")] if warnings else []
-    parts += ["links of grippers to allow"] if blocked else []
+    parts += ["pairs of links to settle"] if blocked else []
     word = "NOT READY" if failures or blocked else "READY"
     return ": ".join(filter(None, (word, ", ".join(parts))))
 

@@ -148,10 +148,7 @@ def waiting(ended: threading.Event) -> Callable[[float], None]:
             raise typer.Exit(CLEAR)
         if so_far >= due:
             due *= 2.0
-            say(
-                f"the service is starting, {so_far:.0f} s so far; "
-                "a first start compiles its kernels"
-            )
+            say(f"the service is starting, {so_far:.0f} s so far")
 
     return wait
 

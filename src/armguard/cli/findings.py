@@ -1,6 +1,6 @@
 """The lines of `armguard check`: what was examined, PASS, WARN or FAIL, the remedy."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from platform import machine, python_version
@@ -10,18 +10,16 @@ from armguard.cli.cycles import cycle_findings
 from armguard.cli.finding import Finding
 from armguard.cli.home import (
     close_findings,
-    closed_fingers,
     contact_findings,
-    depths,
-    finger_finding,
-    overlapping,
     roomier,
+    settle_pairs,
 )
 from armguard.cli.stopping import lacking_figures_finding
 from armguard.errors import ArmguardError, HomeContactError, SelfTestError
 from armguard.guard import Level, self_test
 from armguard.guard.approach import has_stops
 from armguard.respond import Guard
+from armguard.respond.self_test import filter_line
 from armguard.robot.model import FittedLink, RobotModel
 from armguard.scene.allowed import allowed_pairs
 from armguard.scene.scene import Scene, SceneRobot
@@ -144,21 +142,21 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
     """Results of the guard: overlap and closeness at home, index, cycle time."""
     try:
         guard = Guard(scene, progress=say, self_test=False)
-    except HomeContactError as error:
-        found = list(contact_findings(scene, error))
-        yield from found
-        if all(finding.status == "WARN" for finding in found):
-            links = overlapping(scene, depths(error.contacts))
-            yield from with_allowed(scene, file, closed_fingers(scene) | links)
+        home = guard.home_verdict
+        error = None
+    except HomeContactError as found:
+        error = found
+    except ArmguardError as found:
+        yield Finding("guard", "FAIL", str(found), f"change {file}")
         return
-    except ArmguardError as error:
-        yield Finding("guard", "FAIL", str(error), f"change {file}")
-        return
-    home = guard.home_verdict
-    fingers = closed_fingers(scene)
-    if home.level is Level.STOP and fingers:
-        yield finger_finding(fingers)
-        yield from with_allowed(scene, file, fingers)
+    if error is not None or home.level is Level.STOP:
+        settled = list(settle_pairs(scene))
+        if settled:
+            yield from settled
+            yield from guard_findings(scene, file)
+            return
+    if error is not None:
+        yield from contact_findings(scene, error)
         return
     if home.level is Level.STOP:
         yield from close_findings(scene, home)
@@ -178,27 +176,20 @@ def guard_findings(scene: Scene, file: str) -> Iterator[Finding]:
     yield from cycle_findings(guard, scene)
 
 
-def with_allowed(
-    scene: Scene, file: str, pairs: Mapping[tuple[str, str], str]
-) -> Iterator[Finding]:
-    """Results of the guard once these pairs of grippers may touch."""
-    for (a, b), reason in pairs.items():
-        scene.allow(a, b, reason=reason)
-    yield from guard_findings(scene, file)
-
-
 def self_test_findings(guard: Guard, scene: Scene) -> Iterator[Finding]:
     """Results of the guard's self-test."""
     try:
-        report = self_test(guard)
+        lines = self_test(guard).lines
+        if all(part.mode != "fixed" for part in guard.tables.robots):
+            lines = (*lines, filter_line(guard, guard.filter, guard.engage))
     except SelfTestError as error:
-        yield Finding("self-test", "FAIL", str(error), "do not arm this guard")
+        yield from roomier(scene, str(error), "FAIL")
         return
     skipped = []
-    for line in report.lines:
+    for line in lines:
         if line.status == "PASS":
             yield Finding("self-test", "PASS", line.sentence)
         else:
             skipped.append(line.sentence)
     if skipped:
-        yield from roomier(scene, "; ".join(skipped))
+        yield from roomier(scene, "; ".join(skipped), "WARN")

@@ -1,19 +1,19 @@
 """The home of robots in `armguard check`: contacts there, and a free home to paste."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import islice
 from typing import Any
 
-from armguard.cli.finding import Finding, in_yaml
+from armguard.cli.finding import Finding, Status, in_yaml
 from armguard.errors import HomeContactError
 from armguard.guard import Level
 from armguard.guard.verdict import Verdict
 from armguard.respond import Guard
 from armguard.scene import compile_scene
+from armguard.scene.inseparable import Inseparable, inseparable_links
 from armguard.scene.posture import (
     coinciding,
     free_homes,
-    overlapping_links,
     robot_of,
     touching_fingers,
 )
@@ -31,30 +31,22 @@ Pair = frozenset[str]
 def contact_findings(scene: Scene, error: HomeContactError) -> Iterator[Finding]:
     """Contacts at home by their cause, each with the line that ends them.
 
-    Bases at one place come first; then closed fingers of a gripper, which are a WARN;
-    then all other contacts of each robot, with a free home.
+    Bases at one place come first; then all other contacts of each robot, with a free
+    home.
     """
     contacts = depths(error.contacts)
     bases = coinciding(scene, contacts)
     for first, second in bases:
         yield coincidence(scene, first, second)
-    fingers = closed_fingers(scene)
-    if fingers:
-        yield finger_finding(fingers)
     together = [{first, second} for first, second in bases]
     rest = {
         pair: depth
         for pair, depth in contacts.items()
-        if pair not in map(frozenset, fingers)
-        and {robot_of(body) for body in pair} not in together
+        if {robot_of(body) for body in pair} not in together
     }
     robots = {robot_of(body) for pair in rest for body in pair} & scene.robots.keys()
     ignored = {name for pair in bases for name in pair}
     homes = verified_homes(scene, robots, ignored) if robots else {}
-    links = {} if homes else overlapping(scene, rest)
-    if links:
-        yield gripper_finding(links)
-        rest = {pair: rest[pair] for pair in rest.keys() - set(map(frozenset, links))}
     for name in scene.robots:
         own = {
             pair: depth
@@ -91,46 +83,54 @@ def coincidence(scene: Scene, first: str, second: str) -> Finding:
     )
 
 
-def closed_fingers(scene: Scene) -> dict[tuple[str, str], str]:
-    """Pairs of closed fingers that touch at home, with their reasons."""
+def settle_pairs(scene: Scene) -> Iterator[Finding]:
+    """Pairs of links that no home takes apart, each with the rows that settle it.
+
+    They are closed fingers, and links that are `inseparable_links`. The scene has the
+    rows afterwards, so that the check goes on.
+    """
     tables = compile_scene(scene)
-    return touching_fingers(scene, tables, tables.home)
-
-
-def finger_finding(fingers: Mapping[tuple[str, str], str]) -> Finding:
-    """Closed fingers that touch, with the rows that allow it."""
-    return to_allow("fingers", "closed fingers touch at home: ", fingers)
-
-
-def overlapping(scene: Scene, contacts: Collection[Pair]) -> dict[tuple[str, str], str]:
-    """Pairs in contact that no position of their gripper parts, with their reasons."""
-    found = overlapping_links(scene, compile_scene(scene))
-    return {pair: why for pair, why in found.items() if frozenset(pair) in contacts}
-
-
-def gripper_finding(links: Mapping[tuple[str, str], str]) -> Finding:
-    """Links of a gripper that overlap wherever it is, with the rows that allow it."""
-    sentence = "shapes of one gripper overlap at every opening: "
-    return to_allow("gripper", sentence, links)
-
-
-def to_allow(
-    topic: str, sentence: str, pairs: Mapping[tuple[str, str], str]
-) -> Finding:
-    """Contacts within a gripper, with the rows that allow them by their reasons."""
-    named = ", ".join(f"{a} and {b}" for a, b in pairs)
-    rows = [
-        f"  - {in_yaml({'a': a, 'b': b, 'reason': reason})}"
-        for (a, b), reason in pairs.items()
+    fingers = [
+        Inseparable(a, b, reason)
+        for (a, b), reason in touching_fingers(scene, tables, tables.home).items()
     ]
-    return Finding(
-        topic,
-        "WARN",
-        sentence + named,
-        "allow these pairs; until then the guard does not let the robot move",
-        paste="\n".join(["allow:", *rows]),
-        blocks=True,
-    )
+    known = {(pair.a, pair.b) for pair in fingers}
+    links = [x for x in inseparable_links(scene, tables) if (x.a, x.b) not in known]
+    touch = [pair for pair in links if pair.buffer is None]
+    near = [pair for pair in links if pair.buffer is not None]
+    for topic, sentence, remedy, pairs in (
+        ("fingers", "closed fingers touch at home", "allow these pairs", fingers),
+        ("links", "by construction these are too near", "allow these pairs", touch),
+        (
+            *("links", "by construction these are nearer than their buffers"),
+            *("give them smaller buffers", near),
+        ),
+    ):
+        if pairs:
+            yield Finding(
+                topic,
+                "WARN",
+                f"{sentence}: " + ", ".join(f"{pair.a} and {pair.b}" for pair in pairs),
+                f"{remedy}; until then the guard does not let the robot move",
+                paste="\n".join(rows(pairs)),
+                blocks=True,
+            )
+    for pair in [*fingers, *links]:
+        pair.settle(scene)
+
+
+def rows(pairs: Sequence[Inseparable]) -> list[str]:
+    """Rows of a scene file that settle pairs, all in one way."""
+    if pairs[0].buffer is None:
+        found = [{"a": x.a, "b": x.b, "reason": x.reason} for x in pairs]
+        return ["allow:", *(f"  - {in_yaml(row)}" for row in found)]
+    return [
+        "buffers:",
+        *(
+            f"  - {in_yaml({'a': x.a, 'b': x.b, 'buffer': x.buffer})}  # {x.reason}"
+            for x in pairs
+        ),
+    ]
 
 
 def overlap(
@@ -248,13 +248,13 @@ def is_free(scene: Scene, ignored: Set[str]) -> bool:
     return guard.home_verdict.level is not Level.STOP
 
 
-def roomier(scene: Scene, sentence: str) -> Iterator[Finding]:
-    """A self-test that lacks room around home, and a home with more."""
+def roomier(scene: Scene, sentence: str, status: Status) -> Iterator[Finding]:
+    """A self-test that failed or lacks room around home, and a home with more."""
     homes = verified_homes(scene, set(scene.robots))
     remedy = "a home with more room lets the test run"
     if all(scene.robots[name].home == home for name, home in homes.items()):
         homes, remedy = {}, "move bases and objects apart, so that home has room"
-        yield Finding("self-test", "WARN", sentence, remedy)
+        yield Finding("self-test", status, sentence, remedy)
     for name, home in homes.items():
         keys = ("robots", name)
-        yield Finding("self-test", "WARN", sentence, remedy, keys, line(home))
+        yield Finding("self-test", status, sentence, remedy, keys, line(home))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from armguard.robot.model import Joint, JointKind, RobotModel
 from armguard.robot.tree import joints_above, rigid_groups
-from armguard.scene.hold_tables import COARSE
-from armguard.scene.proposal import HALF_TURN, Tree, sample_extremes
+from armguard.scene.pair_distances import Distances
+from armguard.scene.proposal import HALF_TURN
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 
@@ -48,74 +48,6 @@ POSITIONS = 11
 TOUCH = 0.002
 
 
-class Distances:
-    """Distances of the checked pairs of bodies at any configuration.
-
-    Args:
-        tables: The compiled scene.
-
-    Attributes:
-        pairs: Names of the two bodies of each pair.
-        buffers: Distance each pair must keep, shape (k,) [m].
-    """
-
-    def __init__(self, tables: SceneTables) -> None:
-        self._tables = tables
-        names = list(tables.body_names)
-        real = np.array([not name.endswith(COARSE) for name in names])
-        first, second = tables.groups[: tables.moving_count], tables.groups
-        checked = tables.checked[first][:, second].astype(bool)
-        i, j = np.nonzero(np.triu(checked & real[: len(first), None] & real[None], 1))
-        number = {name: k for k, name in enumerate(dict.fromkeys(names))}
-        body = np.array([number[name] for name in names])
-        codes, owner = np.unique(
-            body[i].astype(np.int64) * len(number) + body[j], return_inverse=True
-        )
-        order = np.argsort(owner, kind="stable")
-        self._primitives = np.stack([i, j, owner], axis=1)[order].astype(np.int32)
-        by_number = list(number)
-        self.pairs = [
-            (by_number[code // len(number)], by_number[code % len(number)])
-            for code in codes.tolist()
-        ]
-        self.buffers = np.zeros(len(codes))
-        np.maximum.at(
-            self.buffers, owner, tables.buffers[tables.groups[i], tables.groups[j]]
-        )
-        self._tree = Tree(
-            tables.parent,
-            tables.joint_kind,
-            tables.q_index,
-            tables.gain,
-            tables.T_parent_joint,
-            tables.axis,
-        )
-
-    def __len__(self) -> int:
-        """How many pairs of primitives are measured."""
-        return len(self._primitives)
-
-    def at(self, q: Floats) -> Floats:
-        """Distance of each pair at a configuration, shape (k,) [m].
-
-        Args:
-            q: Joint positions, shape (n,) [rad or m].
-        """
-        least = np.full(len(self.pairs), inf)
-        if self.pairs:
-            sample_extremes(
-                np.ascontiguousarray(q, dtype=np.float64)[None],
-                self._tree,
-                self._tables.kinds,
-                self._tables.bodies,
-                self._tables.local_rows,
-                self._primitives,
-                least,
-                np.full(len(self.pairs), -inf),
-            )
-        return least
-
-
 def free_homes(
     scene: Scene, tables: SceneTables, robots: Set[str], ignored: Set[str] = frozenset()
 ) -> Iterator[dict[str, dict[str, float]]]:
@@ -124,9 +56,8 @@ def free_homes(
     Those with at least half of the most room found come first, the nearest to the
     middle of the limits before all others.
 
-    The search is the same each time. Robots of one model get the same positions.
-    Primitives are measured; a pair that overlaps in every sample is left to the guard,
-    which measures exact shapes too.
+    The search is the same each time. Robots of one model get the same positions. A
+    pair that is nearer than its buffer in every sample is left to the guard.
 
     Args:
         scene: The scene.
@@ -306,23 +237,6 @@ def touching_fingers(
             opens = by_end[:, k].max() > now[k] + distances.buffers[k]
             if opens and now[k] >= -TOUCH:
                 found[a, b] = f"fingers of one gripper; {joint} closes them"
-    return found
-
-
-def overlapping_links(scene: Scene, tables: SceneTables) -> dict[tuple[str, str], str]:
-    """Pairs of one gripper's links whose primitives overlap wherever its joints are.
-
-    Returns:
-        The reason why each pair may touch, by the names of its bodies.
-    """
-    distances = Distances(tables)
-    found: dict[tuple[str, str], str] = {}
-    for own, joint, way in strokes(scene, tables):
-        most = np.max([distances.at(q) for q in way], axis=0)
-        for (a, b), distance in zip(distances.pairs, most, strict=True):
-            if {a, b} <= own and distance < 0.0:
-                where = f"their shapes overlap wherever {joint} is"
-                found[a, b] = f"links of one gripper; {where}"
     return found
 
 

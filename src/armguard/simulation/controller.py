@@ -88,6 +88,7 @@ class SimulatedArms:
         while (left := due - client.clock()) > 0.0:
             if not client.connected:
                 time.sleep(left)
+                continue
             looked = client.clock()
             answer = client.receive(timeout=left)
             if answer is None:

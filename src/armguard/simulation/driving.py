@@ -68,9 +68,10 @@ class DrivingOperator:
         due = client.clock()
         while not until():
             while (left := due - client.clock()) > 0.0:
-                if not client.connected:
+                if client.connected:
+                    client.receive(timeout=left)
+                else:
                     time.sleep(left)
-                client.receive(timeout=left)
             now = client.clock()
             due = max(due + EVERY, now)
             latest = client.latest

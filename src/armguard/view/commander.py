@@ -103,7 +103,7 @@ class Commander:
         """Take in the answers; a client that was silent too long lost the command."""
         with self._lock:
             latest = self._client.latest
-            while self._client.receive() is not None:
+            while self._client.connected and self._client.receive() is not None:
                 pass
             # Only the service knows who commands; its silence says nothing of that.
             known = latest.cycle >= 0 and time.monotonic() - self._claimed > FRESH

@@ -12,7 +12,7 @@ from viser.transforms import SE3, SO3
 from armguard.geometry.shapes import Shape, shape_row
 from armguard.guard.levels import Level
 from armguard.guard.near_pair import NearPair
-from armguard.guard.watch import SLOW_TIME_DEFAULT
+from armguard.guard.watch import HYSTERESIS, SLOW_TIME_DEFAULT
 from armguard.recording.palette import (
     BLUE,
     FIXTURE,
@@ -227,11 +227,11 @@ class NearPairs(Drawable):
             )
 
     def _draw(self, cycle: Cycle) -> None:
-        pairs = cycle.pairs[:LINES]
+        pairs, slow = cycle.pairs[:LINES], slow_time(cycle)
         self._lines.visible = bool(pairs)
         if pairs:
             points = np.array([[pair.point_a, pair.point_b] for pair in pairs])
-            colours = np.array([[pair_look(pair)[0]] * 2 for pair in pairs])
+            colours = np.array([[pair_look(pair, slow)[0]] * 2 for pair in pairs])
             self._lines.points = points.astype(np.float32)
             self._lines.colors = colours.astype(np.uint8)
         labelled = apart(pairs)
@@ -240,7 +240,8 @@ class NearPairs(Drawable):
             if k < len(labelled):
                 pair = labelled[k]
                 label.position = middle_of(pair) + ABOVE
-                label.text = f"{pair_look(pair)[1]} {pair.distance * 1e3:.0f} mm"
+                word = pair_look(pair, slow)[1]
+                label.text = f"{word} {pair.distance * 1e3:.0f} mm"
 
 
 class Shells(Drawable):
@@ -259,13 +260,14 @@ class Shells(Drawable):
 
     def _draw(self, cycle: Cycle) -> None:
         wanted: dict[int, tuple[float, Rgb]] = {}
+        slow = slow_time(cycle)
         for pair in cycle.pairs[:SHELLS]:
             both = self._index[pair.primitive_a], self._index[pair.primitive_b]
             moving = [i for i in both if i < self.tables.moving_count]
             for i in moving:
                 need = max(pair.needed, STEP) / len(moving)
                 if need > wanted.get(i, (0.0,))[0]:
-                    wanted[i] = need, pair_look(pair)[0]
+                    wanted[i] = need, pair_look(pair, slow)[0]
         for i in self.nodes.keys() - wanted.keys():
             self.nodes.pop(i).remove()
         for i, (need, colour) in wanted.items():
@@ -314,11 +316,25 @@ def slug(name: str) -> str:
     return name.replace("/", "|")
 
 
-def pair_look(pair: NearPair) -> tuple[Rgb, str]:
-    """Colour and word of a pair: those of the level that it alone would cause."""
+def slow_time(cycle: Cycle) -> float:
+    """Time left below which a pair slows an arm in a cycle [s].
+
+    It is longer while an arm is slow, as in the guard.
+    """
+    slow = cycle.verdict.level is Level.SLOW
+    return SLOW_TIME_DEFAULT * (HYSTERESIS if slow else 1.0)
+
+
+def pair_look(pair: NearPair, slow: float) -> tuple[Rgb, str]:
+    """Colour and word of a pair: those of the level that it alone would cause.
+
+    Args:
+        pair: The pair.
+        slow: Time left below which it slows an arm [s].
+    """
     if pair.contract:
         return GREEN, "allowed"
-    level = Level.SLOW if pair.time_left < SLOW_TIME_DEFAULT else Level.CAUTION
+    level = Level.SLOW if pair.time_left < slow else Level.CAUTION
     if not pair.headroom >= 0.0:
         level = Level.STOP
     return STATE_COLOURS[level], STATE_WORDS[level]

@@ -173,7 +173,7 @@ def cause_of_stop(verdict: Verdict, said: str) -> str:
     known = set(verdict.causes.values()) - {Reason.OK, Reason.STOPPING}
     unsaid = {cause.sentence for cause in known if cause.sentence not in said}
     causes = " and ".join(sorted(unsaid))
-    return f", because {causes}" if causes else ""
+    return f" ({causes})" if causes else ""
 
 
 def waiting(cycle: Cycle, held: Mapping[str, Held]) -> list[str]:

@@ -167,8 +167,7 @@ class Client(Exchange):
             Number of the message.
 
         Raises:
-            RefusedError: A robot is not there, or an array has another number of
-                joints.
+            RefusedError: A robot is not there, or an array has the wrong length.
         """
         if robots is not None:
             robots = names_of(robots, "a robot")
@@ -306,7 +305,12 @@ class Client(Exchange):
         return self._stopped(cause)
 
     def receive(self, timeout: float = 0.0) -> Answer | None:
-        """The next answer that came in; None if there is none in time."""
+        """The next answer that came in; None if there is none within `timeout` [s].
+
+        Raises:
+            NoServiceError: `connect` has not succeeded yet.
+        """
+        self.check_connected()
         if timeout:
             timeout = seconds_of(timeout, "timeout", LONG_REPLY)
         self._drain()
