@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.batch.check import LONGEST, check_rows
 from armguard.batch.near import list_near, measure_pairs
-from armguard.batch.objects import place_object, remove_object
+from armguard.batch.objects import place_object, place_rows, remove_object
 from armguard.batch.plan import open_of, plan_of
 from armguard.batch.pose import NEAR
-from armguard.batch.prove import WAITING, WHOLE, Walk, prove_motions
+from armguard.batch.prove import WHOLE, prove_motions
 from armguard.batch.results import (
     NearestPairs,
     ProvenMotions,
@@ -30,6 +30,7 @@ from armguard.batch.room import (
     room_of,
     scratch_of,
     settings_of,
+    walk_of,
 )
 from armguard.batch.rows import order_of, rows_of
 from armguard.errors import SceneError
@@ -40,6 +41,7 @@ from armguard.lanes import WIDTH
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import object_named
+from armguard.scene.tables import SceneTables
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
@@ -65,7 +67,7 @@ class Checker:
         labels: Name of each primitive, as in `NearPair.primitive_a`.
 
     Args:
-        scene: The scene.
+        scene: The scene, or its tables.
         threads: How many threads answer a call; results do not depend on it.
 
     Raises:
@@ -78,12 +80,12 @@ class Checker:
         [True]
     """
 
-    def __init__(self, scene: Scene, threads: int = 1) -> None:
+    def __init__(self, scene: Scene | SceneTables, threads: int = 1) -> None:
         if threads < 1:
             raise SceneError(f"threads is {threads}; it must be at least 1")
         check_cache()
         self._threads = threads
-        tables = compile_scene(scene)
+        tables = compile_scene(scene) if isinstance(scene, Scene) else scene
         self.q_names, self.labels = tables.q_names, tables.labels
         self.lower, self.upper = tables.lower.copy(), tables.upper.copy()
         # Rows of hulls lead to numbers that these shapes hold.
@@ -120,6 +122,15 @@ class Checker:
             item = item.reshaped(name, shape)
         place_object(self._world, item, transform_of(pose))
         self._objects[name] = item
+        self._spare.clear()
+
+    def place_rows(self, name: str, rows: Floats, frame: Floats) -> None:
+        """Place an object as the tables of a guard have it; see `batch.objects`.
+
+        Raises:
+            UnknownNameError: There is no such object.
+        """
+        place_rows(self._world, object_named(name, self._objects), rows, frame)
         self._spare.clear()
 
     def remove(self, name: str) -> None:
@@ -363,14 +374,7 @@ class Checker:
     def _prove(self, starts: Floats, ends: Floats, reached: NDArray[np.int64]) -> None:
         """Prove some motions; see `prove_motions`."""
         room = self._room((0.0, 1.0, inf, self._limit))
-        walk = Ledger(
-            Walk(
-                waiting=np.zeros((WAITING, 4), dtype=np.int64),
-                now=np.zeros((WIDTH, 4), dtype=np.int64),
-                size=np.zeros(1, dtype=np.int64),
-                reached=reached,
-            )
-        )
+        walk = walk_of(reached)
         prove_motions(
             starts,
             ends,

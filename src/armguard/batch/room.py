@@ -4,10 +4,12 @@ from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armguard.batch.check import LONGEST
 from armguard.batch.near import Listing
 from armguard.batch.pose import CELLS, MOTIONS, ROWS, SPANS, Place
+from armguard.batch.prove import WAITING, Walk
 from armguard.batch.settle import ROOM, Scratch, SearchSettings
 from armguard.errors import SceneError
 from armguard.geometry.shapes import ROW_WIDTH
@@ -79,6 +81,18 @@ def listing_of(count: int, sizes: Sizes) -> Ledger:
             pairs=np.zeros((count, 3), dtype=np.int64),
             witness=np.zeros((count, WITNESS_WIDTH)),
             gradient=np.zeros((count, sizes.joints)),
+        )
+    )
+
+
+def walk_of(reached: NDArray[np.int64]) -> Ledger:
+    """Spans of as many motions as `reached`, which is written."""
+    return Ledger(
+        Walk(
+            waiting=np.zeros((WAITING, 4), dtype=np.int64),
+            now=np.zeros((WIDTH, 4), dtype=np.int64),
+            size=np.zeros(1, dtype=np.int64),
+            reached=reached,
         )
     )
 
