@@ -20,8 +20,8 @@ from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 
-# Fewer lines are judged by the guard alone, in less than a millisecond: its retreat
-# asks for single lines in the loop, where no kernels may be loaded.
+# Fewer lines are judged by the guard alone, in less than a millisecond. Its retreat
+# checks single lines in the loop, where no kernels may be loaded.
 FEW = 32
 
 
