@@ -3,17 +3,16 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from math import inf
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.batch.check import LONGEST, check_rows
 from armguard.batch.near import list_near, measure_pairs
-from armguard.batch.objects import place_object, remove_object
+from armguard.batch.objects import place_object, place_rows, remove_object
 from armguard.batch.plan import open_of, plan_of
 from armguard.batch.pose import NEAR
-from armguard.batch.prove import WAITING, WHOLE, Walk, prove_motions
+from armguard.batch.prove import WHOLE, prove_motions
 from armguard.batch.results import (
     NearestPairs,
     ProvenMotions,
@@ -23,7 +22,9 @@ from armguard.batch.results import (
 )
 from armguard.batch.room import (
     FIRST_ROOM,
+    REACHED,
     Room,
+    Settings,
     Sizes,
     listing_of,
     place_of,
@@ -40,6 +41,7 @@ from armguard.lanes import WIDTH
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import object_named
+from armguard.scene.tables import SceneTables
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
@@ -65,7 +67,7 @@ class Checker:
         labels: Name of each primitive, as in `NearPair.primitive_a`.
 
     Args:
-        scene: The scene.
+        scene: The scene, or its tables.
         threads: How many threads answer a call; results do not depend on it.
 
     Raises:
@@ -78,12 +80,12 @@ class Checker:
         [True]
     """
 
-    def __init__(self, scene: Scene, threads: int = 1) -> None:
+    def __init__(self, scene: Scene | SceneTables, threads: int = 1) -> None:
         if threads < 1:
             raise SceneError(f"threads is {threads}; it must be at least 1")
         check_cache()
         self._threads = threads
-        tables = compile_scene(scene)
+        tables = compile_scene(scene) if isinstance(scene, Scene) else scene
         self.q_names, self.labels = tables.q_names, tables.labels
         self.lower, self.upper = tables.lower.copy(), tables.upper.copy()
         # Rows of hulls lead to numbers that these shapes hold.
@@ -120,6 +122,15 @@ class Checker:
             item = item.reshaped(name, shape)
         place_object(self._world, item, transform_of(pose))
         self._objects[name] = item
+        self._spare.clear()
+
+    def place_rows(self, name: str, rows: Floats, frame: Floats) -> None:
+        """Place an object as the tables of a guard have it; see `batch.objects`.
+
+        Raises:
+            UnknownNameError: There is no such object.
+        """
+        place_rows(self._world, object_named(name, self._objects), rows, frame)
         self._spare.clear()
 
     def remove(self, name: str) -> None:
@@ -281,10 +292,11 @@ class Checker:
         share = np.maximum(reached, 0) / WHOLE
         a, b = np.full((2, len(start)), -1, dtype=np.intp)
         open_ends = (reached >= 0) & (reached < WHOLE)
-        last = share[open_ends, None]
-        places = start[open_ends] + last * (end[open_ends] - start[open_ends])
-        pairs = self._found(places, inf, 1, 0.0)[1]
-        a[open_ends], b[open_ends] = primitives_of(pairs)
+        if open_ends.any():
+            last = share[open_ends, None]
+            places = start[open_ends] + last * (end[open_ends] - start[open_ends])
+            pairs = self._found(places, inf, 1, 0.0)[1]
+            a[open_ends], b[open_ends] = primitives_of(pairs)
         return ProvenMotions(reached == WHOLE, share, a, b)
 
     def _found(
@@ -312,7 +324,7 @@ class Checker:
         found[0, order], found[1, order] = nearest[:count], pairs[:count]
         return found[0], found[1]
 
-    def _list(self, rows: Floats, settings: Any) -> tuple[Floats, ...]:
+    def _list(self, rows: Floats, settings: Settings) -> tuple[Floats, ...]:
         """Near pairs of some rows: arrays of a `Listing`, without its total."""
         place, found, at = place_of(NEAR, self._sizes), [], 0
         room, pairs = FIRST_ROOM, FIRST_ROOM // WIDTH
@@ -345,7 +357,7 @@ class Checker:
             list(pool.map(answer, parts))
 
     def _check(
-        self, rows: Floats, settings: Any, nearest: Floats, pairs: Floats
+        self, rows: Floats, settings: Settings, nearest: Floats, pairs: Floats
     ) -> None:
         """Answer for some rows; see `check_rows`."""
         room = self._room(settings)
@@ -362,26 +374,19 @@ class Checker:
 
     def _prove(self, starts: Floats, ends: Floats, reached: NDArray[np.int64]) -> None:
         """Prove some motions; see `prove_motions`."""
-        room = self._room((0.0, 1.0, inf, self._limit))
-        walk = Ledger(
-            Walk(
-                waiting=np.zeros((WAITING, 4), dtype=np.int64),
-                now=np.zeros((WIDTH, 4), dtype=np.int64),
-                size=np.zeros(1, dtype=np.int64),
-                reached=reached,
-            )
-        )
+        room = self._room((0.0, 1, inf, self._limit))
+        room.walk.put(REACHED, reached)
         prove_motions(
             starts,
             ends,
             self._plan.lines,
             room.motions.lines,
             room.scratch.lines,
-            walk.lines,
+            room.walk.lines,
         )
         self._spare.append(room)
 
-    def _room(self, settings: Any) -> Room:
+    def _room(self, settings: Settings) -> Room:
         """What one call writes; that of an earlier call where there is one."""
         try:
             room = self._spare.pop()

@@ -12,9 +12,21 @@ Floats = NDArray[np.float64]
 
 def place_object(plan: Plan, item: Standing, T: Floats) -> None:
     """Place an object with its frame at T, shape (4, 4), whether present or not."""
-    rows = item.rows(np.eye(4) if item.body >= 0 else T)
+    place_rows(plan, item, item.rows(np.eye(4) if item.body >= 0 else T), T[:3])
+
+
+def place_rows(plan: Plan, item: Standing, rows: Floats, frame: Floats) -> None:
+    """Place the primitives of an object, whether present or not.
+
+    Args:
+        plan: The plan.
+        item: The object.
+        rows: Rows of its primitives, in the frame of its body if it has one, shape
+            (count, 16).
+        frame: Frame of its body; not read if it has none, shape (3, 4) or (12,).
+    """
     if item.body >= 0:
-        plan.frames[item.body] = T[:3].reshape(12)
+        plan.frames[item.body] = frame.reshape(12)
     for i, row in zip(range(item.first, item.first + item.count), rows, strict=True):
         plan.rows[i] = row
         if plan.ball[i] != i:

@@ -42,7 +42,8 @@ class PathCheck:
     Attributes:
         clear: Whether every pair is proven to keep its buffer on the whole path.
         breach: The first place where a pair does not, None if the path is clear.
-        lines: Number of straight lines that were judged, halves included.
+        lines: Number of straight lines that were judged, halves included; a line that
+            the checker proves counts as one.
     """
 
     clear: bool
@@ -87,7 +88,8 @@ def check_path(
     rows: Sequence[Floats] | Floats,
     judge_line: Callable[[Floats, Floats], Verdict],
     judge_point: Callable[[Floats], Verdict],
-    resolution: float = RESOLUTION,
+    resolution: float,
+    proven: NDArray[np.bool_],
 ) -> PathCheck:
     """Find the first place of a path at which a pair does not keep its buffer.
 
@@ -97,9 +99,13 @@ def check_path(
         judge_point: Verdict on one configuration.
         resolution: A line on which no joint moves more than this is not bisected
             [rad or m].
+        proven: Which lines need no verdict, shape (max(k - 1, 1),).
     """
     lines = 0
     for segment in range(max(len(rows) - 1, 1)):
+        if proven[segment]:
+            lines += 1
+            continue
         start = np.asarray(rows[segment], dtype=np.float64)
         end = np.asarray(rows[min(segment + 1, len(rows) - 1)], dtype=np.float64)
         # Stack of halves to be judged, the earliest on top.

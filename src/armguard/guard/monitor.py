@@ -17,6 +17,7 @@ from armguard.guard.holding import Holding
 from armguard.guard.loop import Loop
 from armguard.guard.objects import Objects, load_kernels
 from armguard.guard.parts import delegated
+from armguard.guard.proven_lines import ProvenLines
 from armguard.guard.saving import Saving
 from armguard.guard.segment import run_segment
 from armguard.guard.self_test import NOT_TESTED, check_home
@@ -84,6 +85,7 @@ class Monitor(Loop):
             # Compiles or loads the cycle; positions that are none change nothing.
             run_guarded_cycle(NO_POSITIONS, self._lines)
         load_kernels()
+        self._proven = ProvenLines(tables, self._objects, self._holding)
         self.home_verdict = self.judge_at_rest(self.tables.home)
         check_home(self.home_verdict, scene)
         self.reset()
@@ -154,7 +156,8 @@ class Monitor(Loop):
         Straight lines in joint space between the rows are bounded as a whole and
         bisected where that does not suffice, so nothing can be missed between samples.
         The state of the loop does not change; objects count as static at their present
-        poses.
+        poses. The first path of 32 lines or more loads the kernels of `Checker`, which
+        proves most lines of such a path at once.
 
         Args:
             rows: Joint positions in the order of `q_names`, shape (k, n) [rad or m].
@@ -176,7 +179,13 @@ class Monitor(Loop):
                 f"a path needs rows of {self._input.shape[0]} finite positions, not an "
                 f"array of shape {array.shape}"
             )
-        return check_path(array, self._judge_line, self.judge_at_rest, resolution)
+        return check_path(
+            array,
+            self._judge_line,
+            self.judge_at_rest,
+            resolution,
+            self._proven.among(array, resolution),
+        )
 
     def _judge_line(self, start: Floats, end: Floats) -> Verdict:
         """Verdict on a straight line in joint space as a whole."""
