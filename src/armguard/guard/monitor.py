@@ -135,6 +135,7 @@ class Monitor(Loop):
     release = delegated("_holding", Holding.release)
     allow = delegated("_contracts", ContractTable.allow)
     swap_model = delegated("_grippers", Grippers.swap_model)
+    checker = delegated("_proven", ProvenLines.checker)
     checkpoint = delegated("_saving", Saving.checkpoint)
     restore = delegated("_saving", Saving.restore)
 

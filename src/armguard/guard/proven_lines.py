@@ -1,8 +1,8 @@
 """Lines of a path that the checker of batches proves, before the guard judges the rest.
 
 Both hold the same pairs to the same distances. The checker proves many lines some ten
-times faster; the guard also measures exact hulls and held objects, and finds the first
-place at which a pair is too near.
+times faster; the guard also judges contracts of held objects, and finds the first place
+at which a pair is too near.
 """
 
 from dataclasses import dataclass, field, replace
@@ -33,7 +33,7 @@ class ProvenLines:
         tables: The scene.
         objects: Objects and their present poses.
         holding: Held objects.
-        checker: The checker.
+        kept: The checker.
         placed: Placement of each object that the checker was given, as bytes; empty for
             one that is absent.
     """
@@ -41,7 +41,7 @@ class ProvenLines:
     tables: SceneTables
     objects: Objects
     holding: Holding
-    checker: Checker | None = None
+    kept: Checker | None = None
     placed: dict[str, bytes] = field(default_factory=dict)
 
     def among(self, rows: Floats, resolution: float) -> NDArray[np.bool_]:
@@ -59,26 +59,57 @@ class ProvenLines:
         """
         if len(rows) <= FEW or self.holding.holders or resolution > RESOLUTION:
             return np.zeros(max(len(rows) - 1, 1), dtype=np.bool_)
-        if self.checker is None:
+        if self.kept is None:
             needed = replace(self.tables, buffers=static_needs_of_groups(self.tables))
-            self.checker = Checker(needed)
-        self._place_objects(self.checker)
-        return self.checker.prove(rows[:-1], rows[1:]).proven
+            self.kept = Checker(needed)
+        self._place_objects(self.kept, self.placed)
+        return self.kept.prove(rows[:-1], rows[1:]).proven
 
-    def _place_objects(self, checker: Checker) -> None:
-        """Place and remove objects in the checker as they are in the guard."""
+    def checker(self, threads: int = 1) -> Checker:
+        """A `Checker` of the world as it is now, for planning from here on.
+
+        Placed, removed and held objects are as in the guard, and so are allowed pairs:
+        a held object moves with its gripper and may touch it. Later changes of the
+        guard do not reach it.
+
+        Args:
+            threads: See `Checker`.
+
+        Raises:
+            SceneError: `threads` is below 1.
+
+        Example:
+            >>> from armguard import Guard, bay_scene
+            >>> guard = Guard(bay_scene())
+            >>> guard.checker().clear([guard.home]).tolist()
+            [True]
+        """
+        changing = ("parent", "T_parent_joint", "checked")
+        now = {name: getattr(self.tables, name).copy() for name in changing}
+        checker = Checker(replace(self.tables, **now), threads)
+        self._place_objects(checker, {})
+        return checker
+
+    def _place_objects(self, checker: Checker, placed: dict[str, bytes]) -> None:
+        """Place and remove objects in a checker as they are in the guard.
+
+        Args:
+            checker: The checker.
+            placed: What it was given, see `placed` above; updated.
+        """
         tables, index = self.tables, self.objects.index
-        changed = self.objects.changed.union(self.placed, tables.holds.objects)
-        for name in sorted(changed):
+        changed = self.objects.changed.union(placed, tables.holds.objects)
+        # The tables have a held object where it is on its gripper.
+        for name in sorted(changed - set(self.holding.holders)):
             item = tables.standing[name]
             local = tables.local_rows if item.body >= 0 else index.world.rows
             # An object without a body takes the frame of another, which is not read.
             rows, frame = local[item.places], tables.T_parent_joint[item.body]
             there = index.state.residency["status"][item.first] != ABSENT
             placement = rows.tobytes() + frame.tobytes() if there else b""
-            if self.placed.get(name) == placement:
+            if placed.get(name) == placement:
                 continue
-            self.placed[name] = placement
+            placed[name] = placement
             if there:
                 checker.place_rows(name, rows, frame)
             else:
