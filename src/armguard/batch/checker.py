@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from math import inf
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,14 +22,15 @@ from armguard.batch.results import (
 )
 from armguard.batch.room import (
     FIRST_ROOM,
+    REACHED,
     Room,
+    Settings,
     Sizes,
     listing_of,
     place_of,
     room_of,
     scratch_of,
     settings_of,
-    walk_of,
 )
 from armguard.batch.rows import order_of, rows_of
 from armguard.errors import SceneError
@@ -292,10 +292,11 @@ class Checker:
         share = np.maximum(reached, 0) / WHOLE
         a, b = np.full((2, len(start)), -1, dtype=np.intp)
         open_ends = (reached >= 0) & (reached < WHOLE)
-        last = share[open_ends, None]
-        places = start[open_ends] + last * (end[open_ends] - start[open_ends])
-        pairs = self._found(places, inf, 1, 0.0)[1]
-        a[open_ends], b[open_ends] = primitives_of(pairs)
+        if open_ends.any():
+            last = share[open_ends, None]
+            places = start[open_ends] + last * (end[open_ends] - start[open_ends])
+            pairs = self._found(places, inf, 1, 0.0)[1]
+            a[open_ends], b[open_ends] = primitives_of(pairs)
         return ProvenMotions(reached == WHOLE, share, a, b)
 
     def _found(
@@ -323,7 +324,7 @@ class Checker:
         found[0, order], found[1, order] = nearest[:count], pairs[:count]
         return found[0], found[1]
 
-    def _list(self, rows: Floats, settings: Any) -> tuple[Floats, ...]:
+    def _list(self, rows: Floats, settings: Settings) -> tuple[Floats, ...]:
         """Near pairs of some rows: arrays of a `Listing`, without its total."""
         place, found, at = place_of(NEAR, self._sizes), [], 0
         room, pairs = FIRST_ROOM, FIRST_ROOM // WIDTH
@@ -356,7 +357,7 @@ class Checker:
             list(pool.map(answer, parts))
 
     def _check(
-        self, rows: Floats, settings: Any, nearest: Floats, pairs: Floats
+        self, rows: Floats, settings: Settings, nearest: Floats, pairs: Floats
     ) -> None:
         """Answer for some rows; see `check_rows`."""
         room = self._room(settings)
@@ -373,19 +374,19 @@ class Checker:
 
     def _prove(self, starts: Floats, ends: Floats, reached: NDArray[np.int64]) -> None:
         """Prove some motions; see `prove_motions`."""
-        room = self._room((0.0, 1.0, inf, self._limit))
-        walk = walk_of(reached)
+        room = self._room((0.0, 1, inf, self._limit))
+        room.walk.put(REACHED, reached)
         prove_motions(
             starts,
             ends,
             self._plan.lines,
             room.motions.lines,
             room.scratch.lines,
-            walk.lines,
+            room.walk.lines,
         )
         self._spare.append(room)
 
-    def _room(self, settings: Any) -> Room:
+    def _room(self, settings: Settings) -> Room:
         """What one call writes; that of an earlier call where there is one."""
         try:
             room = self._spare.pop()

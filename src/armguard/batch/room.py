@@ -1,10 +1,9 @@
 """Arrays that one call of the checker writes."""
 
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armguard.batch.check import LONGEST
 from armguard.batch.near import Listing
@@ -46,31 +45,44 @@ class Room(NamedTuple):
         spans: Place for spans of rows.
         rows: Place for rows.
         motions: Place for spans of motions.
+        walk: See `Walk`; its `reached` is that of the last call.
     """
 
     scratch: Ledger
     spans: Ledger
     rows: Ledger
     motions: Ledger
+    walk: Ledger
 
 
-def settings_of(margin: float, strict: int, drop: float, limit: float) -> Any:
-    """`Scratch.settings` of a call.
+# `SearchSettings` of a call.
+Settings = tuple[float, int, float, float]
+
+# The array of a walk that a call brings.
+REACHED = Walk._fields.index("reached")
+
+
+def settings_of(margin: float, strict: int, drop: float, limit: float) -> Settings:
+    """The settings of a call.
 
     Raises:
         SceneError: The margin is NaN or minus infinity.
     """
     if not margin > -inf:
         raise SceneError(f"margin is {margin} m; it must be a number")
-    settings = records((), SearchSettings)
-    settings[...] = margin, strict, drop, limit
-    return settings
+    return margin, strict, drop, limit
 
 
 def room_of(sizes: Sizes) -> Room:
     """What one call writes."""
-    places = [place_of(mode, sizes) for mode in (SPANS, ROWS, MOTIONS)]
-    return Room(scratch_of(ROOM, sizes), *places)
+    spans, rows, motions = (place_of(mode, sizes) for mode in (SPANS, ROWS, MOTIONS))
+    walk = Walk(
+        waiting=np.zeros((WAITING, 4), dtype=np.int64),
+        now=np.zeros((WIDTH, 4), dtype=np.int64),
+        size=np.zeros(1, dtype=np.int64),
+        reached=np.zeros(0, dtype=np.int64),
+    )
+    return Room(scratch_of(ROOM, sizes), spans, rows, motions, Ledger(walk))
 
 
 def listing_of(count: int, sizes: Sizes) -> Ledger:
@@ -81,18 +93,6 @@ def listing_of(count: int, sizes: Sizes) -> Ledger:
             pairs=np.zeros((count, 3), dtype=np.int64),
             witness=np.zeros((count, WITNESS_WIDTH)),
             gradient=np.zeros((count, sizes.joints)),
-        )
-    )
-
-
-def walk_of(reached: NDArray[np.int64]) -> Ledger:
-    """Spans of as many motions as `reached`, which is written."""
-    return Ledger(
-        Walk(
-            waiting=np.zeros((WAITING, 4), dtype=np.int64),
-            now=np.zeros((WIDTH, 4), dtype=np.int64),
-            size=np.zeros(1, dtype=np.int64),
-            reached=reached,
         )
     )
 
