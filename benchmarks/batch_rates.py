@@ -25,6 +25,9 @@ from timing import quiet
 
 Floats = NDArray[np.float64]
 
+# Calls by name, each with the number of its rows.
+Calls = dict[str, tuple[Callable[[], object], int]]
+
 ROWS = 20_000
 MOTIONS = 320
 PEER_ROWS = 500
@@ -124,12 +127,12 @@ def clear_motions(checker: ag.Checker, home: Floats | None) -> Floats:
     return motions[clear][:MOTIONS].reshape(-1, joints)
 
 
-def best_times(calls: dict[str, tuple[Callable[[], object], int]]) -> dict[str, float]:
+def best_times(calls: Calls, rounds: int = ROUNDS) -> dict[str, float]:
     """Nanoseconds a row of calls and their rows: the best of rounds in turns."""
     best = dict.fromkeys(calls, float("inf"))
     for call, _ in calls.values():
         call()
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for name, (call, count) in calls.items():
             start = perf_counter_ns()
             call()
@@ -148,7 +151,7 @@ def rates(scene: ag.Scene) -> dict[str, dict[str, float]]:
     }
     found = {}
     for kind, q in kinds.items():
-        calls: dict[str, tuple[Callable[[], object], int]] = {
+        calls: Calls = {
             "clear": (lambda q=q: checker.clear(q), len(q)),
             "distances": (lambda q=q: checker.distances(q), len(q)),
             "distances to 0.1 m": (lambda q=q: checker.distances(q, 0.1), len(q)),

@@ -2,6 +2,7 @@
 
 make bench                              everything but the service
 make bench ARGS="filter --cycles 500"   one of them
+make bench ARGS="batch --scene FILE"    rates of batches in a scene of your own
 make bench ARGS="service --seconds 60"  the service, ten minutes if not given
 """
 
@@ -25,6 +26,7 @@ from timing import describe_machine
 NAMES = (
     "cycle",
     "robots",
+    "batch",
     "stop",
     "filter",
     "gripping",
@@ -47,6 +49,9 @@ class Options(ServiceBench):
         ),
     ] = "all"
     cycles: Annotated[int | None, Option(min=1, help="Cycles to measure.")] = None
+    scene: Annotated[
+        Path | None, Option(help="Scene file, for batch; the bundled scenes if none.")
+    ] = None
     output: Annotated[Path | None, Option(help="Write the JSON here as well.")] = None
     json: Json = False
 
@@ -58,7 +63,8 @@ def bench(options: Options) -> None:
         answer = bench_service(options, say)
         lines = print_service(answer)
     else:
-        answer = run(options.name, cycles=options.cycles, progress=say)
+        own = {} if options.scene is None else {"scene": options.scene}
+        answer = run(options.name, cycles=options.cycles, progress=say, **own)
         lines = print_result(answer)
     if options.output is not None:
         options.output.write_text(json_of(answer), encoding="utf-8")
@@ -73,6 +79,7 @@ def run(
     *,
     cycles: int | None = None,
     progress: Callable[[str], None] = lambda sentence: None,
+    **own: Any,
 ) -> dict[str, Any]:
     """Run a benchmark.
 
@@ -80,6 +87,7 @@ def run(
         name: One of `NAMES`, octree, or all.
         cycles: Cycles to measure; each benchmark has its own default.
         progress: Called with a sentence before each part that takes a while.
+        **own: Arguments that a benchmark has of its own: `scene` of "batch".
 
     Returns:
         The figures; with "all", those of each under its name.
@@ -93,7 +101,8 @@ def run(
         near = did_you_mean(name, [*NAMES, "octree", "all"])
         raise UnknownNameError(f"no benchmark is named '{name}'; {near}")
     module = import_module(f"speed.{name}")
-    figures = module.bench(module.CYCLES if cycles is None else cycles, progress)
+    count = module.CYCLES if cycles is None else cycles
+    figures = module.bench(count, progress, **own)
     return {"name": name, "machine": describe_machine(), **figures}
 
 

@@ -54,7 +54,11 @@ def transform(rows: Floats) -> Any:
 
 
 def coal_shape(kind: int, row: Floats) -> tuple[Any, Any]:
-    """Coal's shape of a primitive, and its frame."""
+    """Coal's shape of a primitive, and its frame.
+
+    Raises:
+        ValueError: It is none of those that the benchmarks' scenes have.
+    """
     if is_ball(kind, row):
         return coal.Sphere(row[0]), pin.SE3(np.eye(3), row[1:4].copy())
     if kind == ShapeKind.CAPSULE:
@@ -63,11 +67,16 @@ def coal_shape(kind: int, row: Floats) -> tuple[Any, Any]:
         R = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis / length)
         middle = (row[1:4] + row[4:7]) / 2.0
         return coal.Capsule(row[0], length), pin.SE3(R.matrix(), middle)
-    box = coal.Box(*(2.0 * row[4:7]))
+    if kind == ShapeKind.CYLINDER:
+        solid = coal.Cylinder(row[4], 2.0 * row[5])
+    elif kind == ShapeKind.BOX:
+        solid = coal.Box(*(2.0 * row[4:7]))
+    else:
+        raise ValueError(f"no shape of Coal's is made for {ShapeKind(kind).name}")
     if row[0] > 0.0:
-        box.setSweptSphereRadius(row[0])
+        solid.setSweptSphereRadius(row[0])
     R = np.ascontiguousarray(row[7:16].reshape(3, 3))
-    return box, pin.SE3(R, row[1:4].copy())
+    return solid, pin.SE3(R, row[1:4].copy())
 
 
 class PinocchioPeer:

@@ -1,8 +1,11 @@
 """Benchmarks: their shape and their honesty, never their times."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import armguard.scene as scene_package
 from armguard.errors import UnknownNameError
 from armguard.respond import Guard
 from armguard.scene import bay_scene, bay_task
@@ -11,6 +14,9 @@ from peers import available_peers, checked_pairs
 from speed.cycle import near_of
 from speed.memory import drift
 from timing import percentiles
+
+# The scene file of the bay.
+BAY = Path(scene_package.__file__).parent / "bay" / "bay.yaml"
 
 
 def test_the_cycle_benchmark_has_the_promised_shape():
@@ -31,6 +37,19 @@ def test_the_gripping_benchmark_measures_what_it_says():
     assert answer["contracts"] == 2
     for part in ("far", "under_contract", "with_swap", "without_swap", "grasp"):
         assert answer[part]["median_us"] > 0.0
+
+
+def test_the_batch_benchmark_measures_a_scene_of_the_users_beside_every_peer():
+    answer = run("batch", cycles=64, scene=BAY)
+    (found,) = answer["nanoseconds"].values()
+    assert found["pairs"] == 371
+    assert found["absent"] == []
+    assert len(found["peers"]) == 4
+    for threads in ("1 thread", "2 threads"):
+        assert set(found[threads]["random rows"]) < set(found[threads]["about home"])
+        for times in found[threads].values():
+            assert all(0.0 < time < np.inf for time in times.values())
+    assert "prove, a motion" in print_result(answer)
 
 
 def test_peers_find_the_same_near_pairs():
