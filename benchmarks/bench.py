@@ -2,7 +2,8 @@
 
 make bench                              everything but the service
 make bench ARGS="filter --cycles 500"   one of them
-make bench ARGS="batch --scene FILE"    rates of batches in a scene of your own
+make bench ARGS="batch --scene FILE"    rates of batches in a given scene
+make bench ARGS="robots --only shelf --cycles 100000"   cycles in one scene
 make bench ARGS="service --seconds 60"  the service, ten minutes if not given
 """
 
@@ -52,6 +53,7 @@ class Options(ServiceBench):
     scene: Annotated[
         Path | None, Option(help="Scene file, for batch; the bundled scenes if none.")
     ] = None
+    only: Annotated[str | None, Option(help="One scene of robots; all if none.")] = None
     output: Annotated[Path | None, Option(help="Write the JSON here as well.")] = None
     json: Json = False
 
@@ -63,7 +65,8 @@ def bench(options: Options) -> None:
         answer = bench_service(options, say)
         lines = print_service(answer)
     else:
-        own = {} if options.scene is None else {"scene": options.scene}
+        given = {"scene": options.scene, "only": options.only}
+        own = {key: value for key, value in given.items() if value is not None}
         answer = run(options.name, cycles=options.cycles, progress=say, **own)
         lines = print_result(answer)
     if options.output is not None:
@@ -87,7 +90,7 @@ def run(
         name: One of `NAMES`, octree, or all.
         cycles: Cycles to measure; each benchmark has its own default.
         progress: Called with a sentence before each part that takes a while.
-        **own: Arguments that a benchmark has of its own: `scene` of "batch".
+        **own: Arguments of one benchmark: `scene` of "batch", `only` of "robots".
 
     Returns:
         The figures; with "all", those of each under its name.

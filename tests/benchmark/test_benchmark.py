@@ -7,12 +7,14 @@ import pytest
 
 import armguard.scene as scene_package
 from armguard.errors import UnknownNameError
+from armguard.guard import Level
 from armguard.respond import Guard
 from armguard.scene import bay_scene, bay_task
 from bench import print_result, run
 from peers import available_peers, checked_pairs
 from speed.cycle import near_of
 from speed.memory import drift
+from speed.robots import SHELF, shelf
 from timing import percentiles
 
 # The scene file of the bay.
@@ -50,6 +52,26 @@ def test_the_batch_benchmark_measures_a_scene_of_the_users_beside_every_peer():
         for times in found[threads].values():
             assert all(0.0 < time < np.inf for time in times.values())
     assert "prove, a motion" in print_result(answer)
+
+
+@pytest.mark.skipif(
+    not SHELF.is_dir(), reason="the public planning scenes are not here"
+)
+def test_the_cycles_of_one_scene_are_measured_alone_and_the_shelf_is_tight():
+    answer = run("robots", cycles=20, only="shelf")
+    assert {row["scene"] for row in answer["rows"]} == {"shelf"}
+    for row in answer["rows"]:
+        assert row["tested"] > 1.0
+        for name, longest in row["longest_us"].items():
+            assert 0.0 < longest <= row["figures"][name]["max_us"]
+    home = Guard(shelf("fixed"), self_test=False).home_verdict
+    assert home.level < Level.STOP
+    assert 0.021 < home.nearest.distance < 0.022
+
+
+def test_an_unknown_scene_is_refused():
+    with pytest.raises(UnknownNameError, match="no scene is named 'shelv'; known: bay"):
+        run("robots", cycles=20, only="shelv")
 
 
 def test_peers_find_the_same_near_pairs():
