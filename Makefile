@@ -81,7 +81,7 @@ room: .venv/dev
 reach: .venv/dev
 	$(BIN)/python benchmarks/reach_goals.py $(ARGS)
 
-# Rates and proofs of batches; ARGS=panda_59_spheres.json; writes docs/batch.*.
+# Rates, proofs and plans of batches; ARGS=panda_59_spheres.json; writes docs/batch.*
 batch-campaign: .venv/dev
 	$(BIN)/python benchmarks/batch_campaign.py $(ARGS)
 

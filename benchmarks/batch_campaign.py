@@ -1,6 +1,7 @@
-"""Rates and proofs of batches; writes docs/batch.json, docs/batch.md and plots.
+"""Rates, proofs and plans of batches; writes docs/batch.json, docs/batch.md and plots.
 
-make batch-campaign ARGS=panda_59_spheres.json   all of it, some minutes
+make batch-campaign ARGS=panda_59_spheres.json   all of it, half an hour
+make batch-campaign ARGS="--planning FILE"       the plans alone, some ten minutes
 make batch-campaign ARGS=--page                  the page from the last results
 """
 
@@ -9,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import batch_planning
 import batch_proofs
 import batch_rates
 from pages import DOCS, rendered
@@ -62,13 +64,18 @@ def draw_proofs(figures: dict[str, Any], path: Path) -> None:
 def main() -> None:
     """Measure, unless only the page is wanted, and write."""
     files = [one for one in sys.argv[1:] if not one.startswith("--")]
-    if "--page" not in sys.argv:
+    if "--planning" in sys.argv:
+        figures = json.loads(RESULTS.read_text(encoding="utf-8"))
+        figures["planning"] = batch_planning.measure(files)
+        RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    elif "--page" not in sys.argv:
         robots = batch_rates.robots_of(files)
         figures = {
             "machine": describe_machine(),
             "robots": [*robots],
             "rates": batch_rates.measure(robots, peers=True),
             "proofs": batch_proofs.measure(batch_proofs.MOTIONS),
+            "planning": batch_planning.measure(files),
         }
         RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     figures = json.loads(RESULTS.read_text(encoding="utf-8"))
