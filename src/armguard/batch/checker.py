@@ -54,11 +54,11 @@ class Checker:
     """Answers for arrays of joint configurations of a scene.
 
     It checks the pairs of primitives that a `Guard` of the scene checks: nothing is
-    held (but see `Guard.checker`), and a gripper is measured by its links. An object has the pose of the scene
-    until `place` or `remove`. Where two links' primitives are too near, `clear` and
-    `prove` measure their exact shapes, as a guard does; distances are those of the
-    primitives. Other changes of the scene need a new checker. Calls from several
-    threads at once are allowed, but for `place` and `remove`.
+    held (but see `Guard.checker`), and a gripper is measured by its links. An object
+    has the pose of the scene until `place` or `remove`. Where two links' primitives are
+    too near, `clear` and `prove` measure their exact shapes, as a guard does; distances
+    are those of the primitives. Other changes of the scene need a new checker. Calls
+    from several threads at once are allowed, but for `place` and `remove`.
 
     Attributes:
         q_names: 'robot/joint' of each place of a configuration.
