@@ -111,12 +111,19 @@ def public_problem(folder: str, number: int) -> Problem:
     goal = np.array([end.get(name, q) for name, q in zip(names, start, strict=True)])
     planned = np.array([names.index(name) for name in end])
     name = f"{folder} {number}"
-    return Problem(name, compile_scene(scene), start, goal, np.sort(planned))
+    return Problem(name, primitives_of(scene), start, goal, np.sort(planned))
+
+
+def primitives_of(scene: ag.Scene) -> SceneTables:
+    """Tables of a scene without the exact shapes of links, which Coal does not get."""
+    tables = compile_scene(scene)
+    none = np.tile(np.array([-1, 0], dtype=np.int32), (len(tables.kinds), 1))
+    return replace(tables, exact=replace(tables.exact, of_primitive=none))
 
 
 def queries(scene: ag.Scene, count: int) -> Iterator[Problem]:
     """Clear random configurations of a scene as starts and goals."""
-    tables = compile_scene(scene)
+    tables = primitives_of(scene)
     checker, rng = ag.Checker(tables), np.random.default_rng(4)
     size = (100 * count, len(tables.lower))
     q = rng.uniform(tables.lower, tables.upper, size)
