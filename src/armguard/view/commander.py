@@ -26,6 +26,9 @@ SOON = 0.3
 # Answers may not have the new commander yet for so long after a claim [s].
 FRESH = 0.5
 
+# Causes of answers that confirm an ordered stop.
+ORDERED = (Cause.STOP_ORDERED, Cause.RESTARTED)
+
 # Causes of a client that receives nothing from its service.
 SILENT = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
 
@@ -74,6 +77,8 @@ class Commander:
         self._refusal: tuple[str, str] | None = None
         self._lock = threading.Lock()
         self._claimed = -float("inf")
+        # Until when a stop is ordered again that no answer has confirmed; 0 if none is.
+        self._unconfirmed = 0.0
 
     @property
     def alive(self) -> bool:
@@ -114,6 +119,12 @@ class Commander:
             refusal, before = self._client.refusal, self._refusal
             self._refusal = refusal
             self.commands = self.commands and not lost
+            unanswered = self._repeat_stop()
+        if unanswered:
+            self._complain(
+                "the service does not confirm the stop: stop the robots by their own "
+                "means"
+            )
         if lost:
             self._complain(
                 "the command is gone: another client took it, or the service heard "
@@ -148,8 +159,24 @@ class Commander:
         self._try(self._client.give_back)
 
     def stop(self) -> None:
-        """Order a stop of all robots, with or without the command."""
+        """Order a stop of all robots, with or without the command.
+
+        It is ordered again until an answer confirms it, since a message may be lost.
+        """
+        self._unconfirmed = time.monotonic() + PATIENCE
         self._try(self._client.stop)
+
+    def _repeat_stop(self) -> bool:
+        """Order an unconfirmed stop again; whether it stayed unconfirmed to the end."""
+        if not self._unconfirmed:
+            return False
+        over = time.monotonic() > self._unconfirmed
+        if self.cause in ORDERED or over:
+            self._unconfirmed = 0.0
+            return over and not self.cause.stops
+        if self._client.connected:
+            self._client.stop()
+        return False
 
     def call(self, what: str, /, **arguments: Any) -> bool:
         """Call something of the service; whether it was done."""

@@ -12,10 +12,16 @@ import numpy as np
 import pytest
 
 from armguard import Action, Level, Reason
+from armguard.chaos.relay import Relay
+from armguard.chaos.tampering import on
 from armguard.errors import RefusedError
 from armguard.recording.rights import Role
+from armguard.service.client import Client
 from armguard.service.wire import Cause
-from service_arms import Arms, wait_for
+from armguard.service.wire.keys import keys_path
+from armguard.service.wire.layout import Kind
+from armguard.view.commander import Commander
+from service_arms import ANSWERED, PATIENCE, Arms, wait_for
 
 ROOT = Path(__file__).parents[3]
 
@@ -93,6 +99,58 @@ def test_only_engage_ends_a_stop_that_was_ordered(served):
         client.call("engage")
         arms.lead(desired)
         arms.drive(0 * desired, 10)
+
+
+@pytest.mark.parametrize("lost", [4, 10**6])
+def test_a_page_orders_a_stop_until_the_service_confirms_it(served, lost):
+    relay = Relay(served.port)
+    try:
+        with (
+            served.client() as client,
+            Client(relay.port, keys=keys_path(served.port), watchdog=ANSWERED) as page,
+        ):
+            arms, remarks = Arms(client), []
+            page.connect(PATIENCE)
+            commander = Commander(page, Role.COMMAND, remarks.append)
+            desired = np.full(14, 0.02)
+            arms.lead(desired)
+            left = iter(range(lost))
+            relay.tamper = on(
+                {Kind.STOP},
+                lambda message: (
+                    () if next(left, None) is not None else ((0.0, message),)
+                ),
+            )
+            commander.stop()
+            end = time.monotonic() + 3.0
+            while time.monotonic() < end and not remarks:
+                commander.listen()
+                answer = arms.drive(desired, 1)
+                if len(answer.held) == 2:
+                    break
+            stopped = answer.cause is Cause.STOP_ORDERED
+            assert stopped == (lost < 100)
+            assert [*map(str, remarks)] == (
+                []
+                if stopped
+                else [
+                    "the service does not confirm the stop: stop the robots by their "
+                    "own means"
+                ]
+            )
+            if stopped:
+                for _ in range(20):
+                    arms.drive(0 * desired, 1)
+                    commander.listen()
+                counted = served.counters.values()["stop_orders"]
+                for _ in range(20):
+                    arms.drive(0 * desired, 1)
+                    commander.listen()
+                assert served.counters.values()["stop_orders"] == counted
+                client.call("engage")
+                arms.drive_until(0 * desired, lambda a: not a.held)
+    finally:
+        relay.close()
 
 
 def test_other_settings_do_not_lift_a_stop(served):
