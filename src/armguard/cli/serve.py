@@ -61,6 +61,13 @@ class Options:
         str | None,
         Option(help=f"Response of the robots: {', '.join(CHOICES['kind'])}."),
     ] = None
+    reflex: Annotated[
+        Path | None,
+        Option(
+            help="File of the reflex that service and controllers obey; that of the "
+            "scene if left out."
+        ),
+    ] = None
     ring: Annotated[
         Path | None,
         Option(
