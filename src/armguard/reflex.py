@@ -254,7 +254,8 @@ class Reflex:
         now = time.monotonic_ns()
         for one in self.sensors.values():
             if now > one.due:
-                one.fault, one.due = Trip.SILENT, now + int(one.timeout * 1e9)
+                one.fault, one.where = Trip.SILENT, (NONE, 0)
+                one.due = now + int(one.timeout * 1e9)
                 self.stop(Trip.SILENT, one)
         if now >= self.beat:
             self.beat = now + self.period

@@ -61,8 +61,11 @@ def test_it_starts_stopped_and_a_near_zone_stops_the_arms(rack):
     assert (pulse["trip"], pulse["stops"]) == (Trip.NEAR, 2)
     assert (pulse["sensor"], pulse["zone"], pulse["distance"]) == (SENSOR, 0, 99)
     assert rack.line.read_text() == "0"
+    # What follows is no stop of its own: a reset names the first one.
+    rack.send(counter=rack.counter)
     rack.send()
     rack.stays(Trip.NEAR)
+    assert rack.pulse()["stops"] == 2
 
 
 def test_pulses_have_a_seal_that_needs_the_key(rack):
@@ -140,8 +143,8 @@ def test_a_silent_sensor_stops_the_arms_after_its_timeout(tmp_path):
         rack.send()
         sent = time.monotonic_ns()
         pulse = rack.until(lambda p: p["trip"])
-        assert pulse["trip"] == Trip.SILENT
-        assert 0.29e9 < pulse["stamp"] - sent
+        assert (pulse["trip"], pulse["zone"]) == (Trip.SILENT, 0xFFFF)
+        assert 0.29e9 < pulse["stamp"] - sent < 0.75e9
         assert reset(rack.file, PATIENCE).startswith("the reflex: the sensor is silent")
 
 
@@ -156,7 +159,8 @@ def test_two_votes_need_the_same_zone_twice(tmp_path):
         rack.send([(99, 2), *clear(ZONES - 1)])
         rack.stays(Trip.CLEAR)
         rack.send(NEAR)
-        assert rack.until(lambda p: p["trip"])["zone"] == 0
+        pulse = rack.until(lambda p: p["trip"])
+        assert (pulse["trip"], pulse["zone"]) == (Trip.NEAR, 0)
 
 
 def test_masked_zones_stop_nothing(tmp_path):
@@ -166,7 +170,8 @@ def test_masked_zones_stop_nothing(tmp_path):
         rack.send(NEAR)
         rack.stays(Trip.CLEAR)
         rack.send([(1, 0), (99, 0), *clear(ZONES - 2)])
-        assert rack.until(lambda p: p["trip"])["zone"] == 1
+        pulse = rack.until(lambda p: p["trip"])
+        assert (pulse["trip"], pulse["zone"]) == (Trip.NEAR, 1)
 
 
 def test_only_the_operators_reset_lifts_a_stop_and_only_where_it_is_over(rack):

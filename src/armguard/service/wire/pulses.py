@@ -1,7 +1,10 @@
 """Pulses of a reflex, as its listeners hear them, and the reset of its stop."""
 
+import json
+import os
 import socket
 from pathlib import Path
+from secrets import token_hex
 from select import select
 from time import monotonic, monotonic_ns
 from typing import Any, NamedTuple
@@ -206,6 +209,32 @@ def settings_of(file: Path) -> dict[str, Any]:
         raise StationError(
             f"{file}: {error}; `armguard check SCENE --reflex` writes this file"
         ) from error
+
+
+def write_settings(file: Path, given: dict[str, Any]) -> None:
+    """Write the file of a reflex, mode 0600, and check it.
+
+    Args:
+        file: The file; its keys `key` and `reset` stay those of a file that is there.
+        given: All else that is in it, see docs/reflex.md.
+
+    Raises:
+        StationError: It cannot be written, or a value is wrong.
+    """
+    keys = {name: token_hex(16) for name in ("key", "reset")}
+    part = file.with_name(f"{file.name}.{os.getpid()}")
+    try:
+        if file.exists():
+            before = json.loads(file.read_text(encoding="utf-8"))
+            keys = {name: before[name] for name in keys}
+        handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(handle, "w", encoding="utf-8") as out:
+            json.dump(keys | given, out, indent=1)
+        read_settings(part)
+        part.replace(file)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        part.unlink(missing_ok=True)
+        raise StationError(f"{file} cannot be written: {error}") from error
 
 
 def listening(ports: list[int], file: Path) -> socket.socket:
