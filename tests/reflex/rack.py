@@ -89,7 +89,11 @@ class Rack:
         words = [sys.executable, "-m", "armguard.reflex", str(self.file)]
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(words, stderr=log)
-        self.until(lambda pulse: pulse["trip"] == 1)
+        try:
+            self.until(lambda pulse: pulse["trip"] == 1)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_):

@@ -35,6 +35,13 @@ def no_repetition(values: tuple[object, ...]) -> tuple[object, ...]:
     return values
 
 
+def in_this_folder(value: str) -> str:
+    """Refuse a name that leads to another folder: the file is written there."""
+    if "/" in value or "\\" in value or value in (".", ".."):
+        raise ValueError(f"is {value!r}; it must be a name without a folder")
+    return value
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSettings:
     """A sensor on a link.
@@ -103,7 +110,7 @@ class ReflexSettings:
     ]
     distance: Distance = 0.12
     vote: Literal[1, 2] = 1
-    file: Name = "reflex.json"
+    file: Annotated[Name, AfterValidator(in_this_folder)] = "reflex.json"
     port: Port = 47810
     listeners: Annotated[
         tuple[Port, ...],
