@@ -67,7 +67,9 @@ def test_an_observer_needs_no_pulses(far, client):
     assert client.receive(PATIENCE).cause is Cause.NONE
 
 
-def test_its_stop_is_at_once_and_ends_only_when_the_guard_stops_too(far, client, rack):
+def test_its_stop_is_at_once_and_ends_only_when_the_guard_waits_for_engage(
+    far, client, rack
+):
     controls(far, client)
     say(rack, CLEAR)
     far.send(far.command(1))
@@ -85,10 +87,16 @@ def test_its_stop_is_at_once_and_ends_only_when_the_guard_stops_too(far, client,
         assert client.receive(PATIENCE).cause is Cause.REFLEX_STOPPED
     say(rack, CLEAR)
     assert client.latest.cause is Cause.REFLEX_STOPPED
+    # A stop that the guard ends by itself does not suffice.
     far.send(far.command(5, action=10))
     say(rack, CLEAR)
+    assert client.receive(PATIENCE).cause is Cause.REFLEX_STOPPED
+    far.send(far.command(6, action=10, cause=Cause.STOP_ORDERED))
+    say(rack, CLEAR)
+    assert client.receive(PATIENCE).cause is Cause.STOP_ORDERED
+    assert client.latest.cycle == 6
+    far.send(far.command(7))
     assert client.receive(PATIENCE).cause is Cause.NONE
-    assert client.latest.cycle == 5
 
 
 def test_silence_of_the_service_is_named_first(far, client, rack):

@@ -39,6 +39,14 @@ Floats = NDArray[np.float64]
 # Answers that wait to be received; older ones are given up.
 KEPT = 256
 
+# Stops of the service after which robots wait until they are engaged.
+UNTIL_ENGAGED = (
+    Cause.STOP_ORDERED,
+    Cause.RESTARTED,
+    Cause.REFLEX_STOPPED,
+    Cause.REFLEX_SILENT,
+)
+
 # A question that was not answered is asked again after this time [s].
 AGAIN = 0.2
 
@@ -185,8 +193,8 @@ class Exchange:
     def _reflex_cause(self) -> Cause:
         """Why the reflex stops the robots of this controller; NONE if it does not.
 
-        Such a stop is over when the guard has stopped the robots as well: then they
-        wait until they are engaged.
+        Such a stop is over when the guard has one that lasts until the robots are
+        engaged; where it has none, one is ordered.
         """
         if self._pulses is None:
             return Cause.NONE
@@ -196,7 +204,7 @@ class Exchange:
             self._reflex_news |= self._reflex is Cause.NONE
             self._reflex, self._reflex_at = cause, now * NANO + self.clock.offset
         elif self._reflex and newest is not None and newest.sent > self._reflex_at:
-            if newest.stops:
+            if newest.cause in UNTIL_ENGAGED:
                 self._reflex = Cause.NONE
             else:
                 self._connection.say(Kind.STOP)
