@@ -14,6 +14,7 @@ from typing import Any
 from armguard.chaos.zone_sensor import WALL, frame_of
 from armguard.errors import StationError
 from armguard.processes import Crew, free_port
+from armguard.recording.counters import CountersReader
 from armguard.reflex import MEASURED, Trip
 from armguard.service.wire import Cause
 from armguard.service.wire.pulses import Pulses, reset, write_settings
@@ -29,7 +30,7 @@ FRONT, PROBE, PROBE_ID = "front", "probe", 2
 WATCHDOG = 0.1
 # Longest wait for a stop or for a reset [s].
 PATIENCE = 20.0
-# Real-time priority of what stands in for hardware: the sensor and the controller.
+# Real-time priority of the sensor and of the controller, which would be hardware.
 PRIORITY = 60
 # The guard of a busy machine; the campaign measures the reflex.
 OPTIONS = ("--late", "0.4", "--no-self-test", "--mode", "path", "--stale", "0.4")
@@ -82,6 +83,10 @@ class Room:
             self._stage.wait_for_service()
             self._stage.start_arms()
             self._stage.start_operator()
+            counters = Path(self._stage.client.welcome.counters)
+            while CountersReader(counters).value("states") == 0:
+                self._stage.check()
+                time.sleep(PERIOD)
         return self._stage
 
     def close(self) -> None:
@@ -128,6 +133,9 @@ class Room:
         """
         end, why = time.monotonic() + PATIENCE, "it does not answer"
         while time.monotonic() < end:
+            if not self.crew.lives("reflex"):
+                # Another socket of this machine had its port for a moment.
+                self.start_reflex()
             self.send(WALL)
             with suppress(StationError):
                 why = reset(self.file)
