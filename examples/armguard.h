@@ -159,18 +159,6 @@ static inline long armguard_hear(struct armguard *guard, int kind, int64_t until
     }
 }
 
-/* A pulse of a reflex, see docs/reflex.md. */
-struct armguard_pulse {
-    uint32_t magic;
-    uint16_t version, trip;
-    uint64_t session, number;
-    int64_t stamp;
-    uint32_t stops;
-    uint16_t sensor, zone;
-    uint32_t distance, dropped;
-    uint8_t seal[16];
-};
-
 /* Obeys a reflex of this machine, as its file says: one of `listeners`, `key` and `watchdog`
  * [s]. Call it after `armguard_open`: from then on `armguard_cycle` stops the arms where the
  * reflex does or sends no pulses. 0, or -1 if the port is taken. */
@@ -191,18 +179,19 @@ static inline int armguard_obey(struct armguard *guard, int listener, const char
 
 /* Why the reflex stops the arms: the cause; 0 if it does not. */
 static inline uint16_t armguard_reflex(struct armguard *guard) {
-    struct armguard_pulse pulse;
-    uint8_t seal[ARMGUARD_SEAL];
+    uint8_t pulse[64], seal[ARMGUARD_SEAL]; /* its fields are in docs/reflex.md */
+    const uint8_t head[6] = {'A', 'G', 'R', 'X', 1, 0}; /* magic and version */
+    int64_t stamp;
     if (guard->reflex < 0) return 0;
     const int now = MSG_DONTWAIT | MSG_TRUNC;
-    for (ssize_t n; (n = recv(guard->reflex, &pulse, sizeof pulse, now)) >= 0;) {
-        if (n != (ssize_t)sizeof pulse || pulse.magic != 0x58524741 || pulse.version != 1)
-            continue;
+    for (ssize_t n; (n = recv(guard->reflex, pulse, sizeof pulse, now)) >= 0;) {
+        if (n != (ssize_t)sizeof pulse || memcmp(pulse, head, sizeof head)) continue;
+        memcpy(&stamp, pulse + 24, sizeof stamp);
         blake2s(seal, ARMGUARD_SEAL, guard->reflex_key, (int)strlen(guard->reflex_key),
-                (const uint8_t *)&pulse, sizeof pulse - ARMGUARD_SEAL);
-        if (memcmp(seal, pulse.seal, ARMGUARD_SEAL) || pulse.stamp <= guard->reflex_stamp)
-            continue;
-        guard->reflex_stamp = pulse.stamp, guard->reflex_trip = pulse.trip;
+                pulse, sizeof pulse - ARMGUARD_SEAL);
+        if (memcmp(seal, pulse + 48, ARMGUARD_SEAL) || stamp <= guard->reflex_stamp) continue;
+        guard->reflex_stamp = stamp;
+        memcpy(&guard->reflex_trip, pulse + 6, sizeof guard->reflex_trip);
     }
     if (armguard_clock() - guard->reflex_stamp > guard->reflex_watchdog)
         return ARMGUARD_REFLEX_SILENT;

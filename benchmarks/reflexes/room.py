@@ -139,7 +139,7 @@ class Room:
             self.send(WALL)
             with suppress(StationError):
                 why = reset(self.file)
-                if not why and self.await_pulse(lambda: not self.trip, 0.1):
+                if not why and self.await_pulse(lambda: self.trip == Trip.CLEAR, 0.1):
                     return
             time.sleep(0.25 * PERIOD)
         raise StationError(f"the reflex is not reset: {why}")
