@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | attack | mutants | soak | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign attack mutants soak campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -88,6 +88,10 @@ batch-campaign: .venv/dev
 # A hundred million cycles of one guard; count is in millions.
 soak: .venv/dev
 	$(BIN)/python benchmarks/soak_campaign.py $(ARGS)
+
+# Faults of guard, sensor and reflex: how soon arms have to stop; writes docs/reflex.*.
+reflex-campaign: .venv/dev
+	$(BIN)/python benchmarks/reflex_campaign.py --processes 1 $(ARGS)
 
 # Published rows that were measured with other kernels than those of now.
 campaigns-due: .venv/dev

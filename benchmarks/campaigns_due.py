@@ -30,6 +30,7 @@ COMMANDS = {
     "results": 'make campaign ARGS="--only PART"',
     "security": 'make attack ARGS="--only PART"',
     "cue_times": "make cues",
+    "reflex": "make reflex-campaign ARGS=\"--kind 'PART'\"",
     "filter_peer": "make filter-peer",
 }
 

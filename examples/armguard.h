@@ -42,6 +42,9 @@ enum { ARMGUARD_STOP_ORDERED = 40, ARMGUARD_RESTARTED = 41 };
 /* Kinds of messages, and their records. */
 enum { ARMGUARD_HELLO = 1, ARMGUARD_WELCOME = 2, ARMGUARD_STATE = 3, ARMGUARD_COMMAND = 5 };
 enum { ARMGUARD_CLAIM = 7, ARMGUARD_GRANT = 8, ARMGUARD_BYE = 13, ARMGUARD_CHALLENGE = 14 };
+enum { ARMGUARD_ORDER_STOP = 12 };
+/* Causes of a stop by a reflex, see `armguard_obey`. */
+enum { ARMGUARD_REFLEX_STOPPED = 16, ARMGUARD_REFLEX_SILENT = 17 };
 
 struct armguard_header {
     uint32_t magic;
@@ -113,6 +116,12 @@ struct armguard {
     struct armguard_header own;
     uint64_t token;
     char key[33];
+    int reflex;              /* socket for the pulses of a reflex; -1 without one */
+    char reflex_key[33];
+    int64_t reflex_watchdog; /* [ns] */
+    int64_t reflex_stamp;    /* of its newest pulse [ns] */
+    uint16_t reflex_trip;    /* why it stops the arms; 0 if it does not */
+    int reflex_stopped;      /* it did, and the guard does not wait for `engage` yet */
     uint8_t out[ARMGUARD_MESSAGE], in[ARMGUARD_MESSAGE];
 };
 
@@ -150,8 +159,49 @@ static inline long armguard_hear(struct armguard *guard, int kind, int64_t until
     }
 }
 
+/* Obeys a reflex of this machine, as its file says: one of `listeners`, `key` and `watchdog`
+ * [s]. Call it after `armguard_open`: from then on `armguard_cycle` stops the arms where the
+ * reflex does or sends no pulses. 0, or -1 if the port is taken. */
+static inline int armguard_obey(struct armguard *guard, int listener, const char *key,
+                                double watchdog) {
+    struct sockaddr_in at;
+    memset(&at, 0, sizeof at);
+    at.sin_family = AF_INET, at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    at.sin_port = htons((uint16_t)listener);
+    guard->reflex = socket(AF_INET, SOCK_DGRAM, 0);
+    snprintf(guard->reflex_key, sizeof guard->reflex_key, "%s", key);
+    guard->reflex_watchdog = (int64_t)(watchdog * 1e9);
+    if (guard->reflex < 0 || bind(guard->reflex, (struct sockaddr *)&at, sizeof at)) return -1;
+    struct pollfd first = {guard->reflex, POLLIN, 0};
+    poll(&first, 1, (int)(watchdog * 1e3)); /* one that runs is not silent at the start */
+    return 0;
+}
+
+/* Why the reflex stops the arms: the cause; 0 if it does not. */
+static inline uint16_t armguard_reflex(struct armguard *guard) {
+    uint8_t pulse[64], seal[ARMGUARD_SEAL]; /* its fields are in docs/reflex.md */
+    const uint8_t head[6] = {'A', 'G', 'R', 'X', 1, 0}; /* magic and version */
+    int64_t stamp;
+    if (guard->reflex < 0) return 0;
+    const int now = MSG_DONTWAIT | MSG_TRUNC;
+    for (ssize_t n; (n = recv(guard->reflex, pulse, sizeof pulse, now)) >= 0;) {
+        if (n != (ssize_t)sizeof pulse || memcmp(pulse, head, sizeof head)) continue;
+        memcpy(&stamp, pulse + 24, sizeof stamp);
+        blake2s(seal, ARMGUARD_SEAL, guard->reflex_key, (int)strlen(guard->reflex_key),
+                pulse, sizeof pulse - ARMGUARD_SEAL);
+        if (memcmp(seal, pulse + 48, ARMGUARD_SEAL) || stamp <= guard->reflex_stamp) continue;
+        guard->reflex_stamp = stamp;
+        memcpy(&guard->reflex_trip, pulse + 6, sizeof guard->reflex_trip);
+    }
+    if (armguard_clock() - guard->reflex_stamp > guard->reflex_watchdog)
+        return ARMGUARD_REFLEX_SILENT;
+    return guard->reflex_trip ? ARMGUARD_REFLEX_STOPPED : 0;
+}
+
 static inline void armguard_close(struct armguard *guard) { /* says good-bye */
     if (guard->wire < 0) return;
+    if (guard->reflex >= 0) close(guard->reflex);
+    guard->reflex = -1;
     armguard_say(guard, ARMGUARD_BYE, 0);
     close(guard->wire);
     guard->wire = -1;
@@ -195,7 +245,7 @@ static inline int armguard_open(struct armguard *guard, int port, const char *ke
     hello.role = 3; /* that of 'command'; it receives answers to its own states alone */
     at.sin_family = AF_INET, at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     at.sin_port = htons((uint16_t)port);
-    guard->wire = -1;
+    guard->wire = guard->reflex = -1;
     snprintf(own, sizeof own, "/dev/shm/armguard-%u/%d.keys", (unsigned)getuid(), port);
     keys = keys ? keys : getenv("ARMGUARD_KEYS") ? getenv("ARMGUARD_KEYS") : own;
     if (armguard_read_key(guard, keys))
@@ -292,6 +342,19 @@ static inline int armguard_cycle(struct armguard *guard, const double *q, const 
         }
         memcpy(guard->velocity, payload + size - 2 * row, row);
         memcpy(guard->position, payload + size - row, row);
+        uint16_t stop = armguard_reflex(guard);
+        if (stop) {
+            guard->reflex_stopped = stop;
+        } else if (guard->reflex_stopped) { /* over when the guard waits for `engage` too */
+            int waits = command.cause == 10 || (command.cause >= 15 && command.cause <= 17);
+            if (waits) guard->reflex_stopped = 0;
+            else armguard_say(guard, ARMGUARD_ORDER_STOP, 0);
+            stop = (uint16_t)guard->reflex_stopped;
+        }
+        if (stop) {
+            memset(guard->velocity, 0, sizeof guard->velocity);
+            guard->action = ARMGUARD_STOP, guard->cause = stop;
+        }
         return 1;
     }
     memset(guard->velocity, 0, sizeof guard->velocity); /* positions stay the last ones */

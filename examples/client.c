@@ -1,6 +1,7 @@
 /* A controller and commander in C, with simulated arms that follow at once. After a stop it
  * sends zero velocity until no robot is held; a stop that was ordered needs `engage`.
- *     cc -O2 -o client client.c && ./client 47800 2 */
+ *     cc -O2 -o client client.c && ./client 47800 2
+ * With a port and the key of a reflex as well it obeys that: ./client 47800 2 47813 KEY */
 #include "armguard.h"
 
 /* Go on with velocities since a time; the time now. */
@@ -17,6 +18,7 @@ int main(int argc, char **argv) {
     double seconds = argc > 2 ? atof(argv[2]) : 2.0;
     int silent = 0;
     if (armguard_open(&guard, argc > 1 ? atoi(argv[1]) : 47800, NULL)) return 2;
+    if (argc > 4 && armguard_obey(&guard, atoi(argv[3]), argv[4], 0.1)) return 2;
     if (armguard_claim(&guard)) return 2;
     for (uint32_t j = 0; j < guard.joints; j++) q[j] = guard.home[j], desired[j] = 0.05;
     double stamp = (double)armguard_clock() * 1e-9;

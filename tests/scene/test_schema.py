@@ -12,6 +12,7 @@ from armguard.errors import SceneError
 from armguard.scene import Grasp, Gripper
 from armguard.scene.file_models import SceneModel, scene_schema
 from armguard.scene.schema import checked, meanings
+from armguard.scene.sensing import ReflexSettings, SensorSettings
 from armguard.scene.settings import (
     CycleSettings,
     IndexSettings,
@@ -106,6 +107,7 @@ def test_the_schema_refuses_what_a_file_may_not_have(change, says):
 
 def test_the_schema_has_a_meaning_for_every_setting():
     settings = (CycleSettings, IndexSettings, RobotSettings, ObjectSettings)
+    settings = (*settings, SensorSettings, ReflexSettings)
     for kind in (*settings, ResponseSettings, Grasp, Gripper):
         assert set(meanings(kind)) == {field.name for field in fields(kind)}
     assert SCHEMA["$defs"]["Grasp"]["properties"]["creep"] == {
@@ -127,6 +129,8 @@ def in_words(value):
         return f"`{value.kind}`"
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, tuple):
+        return f"`{list(value)}`"
     return f"`{value}`" if isinstance(value, str) else f"{value:g}"
 
 
@@ -140,6 +144,8 @@ def in_words(value):
         ("objects.NAME.graspable", Grasp),
         ("cycle", CycleSettings),
         ("index", IndexSettings),
+        ("sensors.NAME", SensorSettings),
+        ("reflex", ReflexSettings),
     ],
 )
 def test_the_page_has_every_key_with_its_default(where, kind):

@@ -33,6 +33,10 @@ CALM = 0.25
 # How long they get to begin with that, and how often they are engaged till then [s].
 PATIENCE, ENGAGES = 30.0, 0.3
 
+# Silence of the reflex that stops arms; time between two frames of a zone sensor, and
+# its silence that the reflex takes for a fault [s].
+REFLEX_WATCHDOG, FRAME_PERIOD, FRAME_TIMEOUT = 0.2, 1.0 / 15.0, 0.3
+
 # Longest wait for one answer while watching [s].
 LOOK = 0.02
 
@@ -277,6 +281,9 @@ class Playground:
             "client": lambda: 0.1,
             "commander": lambda: 0.5,
             "pause": lambda: 0.5,
+            "reflex": lambda: REFLEX_WATCHDOG,
+            "frame": lambda: FRAME_PERIOD,
+            "frames": lambda: FRAME_TIMEOUT,
         }
         return delays[name]()
 

@@ -9,6 +9,7 @@ from armguard.chaos import doors, injections, tampering
 from armguard.chaos.fault import Effect, Fault, Injection
 from armguard.chaos.injections import tampered
 from armguard.chaos.playground import Playground
+from armguard.chaos.reflex_faults import HELD_UP, REFLEX_FAULTS
 from armguard.chaos.tampering import COMMANDS, DESIRED, STATES, on, rewritten
 from armguard.geometry.pose import Pose
 from armguard.service.wire import Kind, Seal
@@ -23,9 +24,6 @@ WITHIN_STALE = ("stale", "cycle")
 
 # How it says that velocities and positions contradict each other.
 CONTRADICTS = ("STATE_DISAGREES", "NOT_FOLLOWED")
-
-# What a service that was held up says when it goes on.
-HELD_UP = ("CYCLE_LATE", "DEADLINE_MISSED", "STATE_STALE", "STOP_ORDERED")
 
 
 def states(change: Callable[[bytes], tampering.Handed]) -> Injection:
@@ -396,4 +394,5 @@ FAULTS: tuple[Fault, ...] = (
         counts=("companions_ended",),
         inject=injections.companion_killed("view", "armguard.view", ("--view",)),
     ),
+    *REFLEX_FAULTS,
 )  # fmt: skip

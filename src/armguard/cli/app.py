@@ -10,6 +10,7 @@ from armguard.cli.init import init
 from armguard.cli.keys import keys
 from armguard.cli.replay import replay
 from armguard.cli.report import report
+from armguard.cli.reset import reset
 from armguard.cli.run import run
 from armguard.cli.serve import serve
 from armguard.cli.view import view
@@ -29,6 +30,7 @@ for command in (
     run,
     serve,
     keys,
+    reset,
     view,
     replay,
     report,

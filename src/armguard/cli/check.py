@@ -29,6 +29,7 @@ from armguard.cli.findings import (
 )
 from armguard.cli.fits import fit_findings
 from armguard.cli.plausibility import plausibility_findings
+from armguard.cli.reflex import prove_reflex, reflex_findings, zone_table
 from armguard.cli.stopping import (
     figure_table,
     show_stops,
@@ -36,7 +37,7 @@ from armguard.cli.stopping import (
     stopping_findings,
 )
 from armguard.errors import ArmguardError
-from armguard.prove import RowAudit
+from armguard.prove import RowAudit, ZoneProofs
 from armguard.scene import compile_scene, load_scene
 from armguard.scene.proposal import propose_allowed
 from armguard.scene.scene import Scene
@@ -46,7 +47,7 @@ from armguard.scene.yaml_source import YamlSource, dotted
 STYLES = {"PASS": "blue", "WARN": "yellow", "FAIL": "bold magenta"}
 
 # Topics whose line is printed though it is a PASS.
-ALWAYS = ("claims",)
+ALWAYS = ("claims", "reflex")
 
 
 def check(
@@ -65,6 +66,13 @@ def check(
         Option(
             help="Prove, for all joint positions, what SRDF and scene claim about "
             "pairs of a robot's links."
+        ),
+    ] = False,
+    reflex: Annotated[
+        bool,
+        Option(
+            help="Prove which zones of its sensors no posture of the robot trips, and "
+            "write the file of the reflex."
         ),
     ] = False,
     prove_seconds: Annotated[
@@ -86,6 +94,7 @@ def check(
     """Check a scene. Exit code 0 sound, 1 too close at home, 2 cannot be guarded."""
     loaded: Scene | None = None
     findings, proposals, audits = [versions()], list[str](), list[RowAudit]()
+    zones: list[ZoneProofs] | None = None
     try:
         with loading_bar() as progress:
             loaded = load_scene(scene, robot=robot, progress=progress)
@@ -96,6 +105,9 @@ def check(
         if prove:
             audits = prove_claims(loaded, prove_seconds)
             findings += claim_findings(audits)
+        if reflex:
+            zones = prove_reflex(loaded, prove_seconds)
+        findings += reflex_findings(loaded, scene, zones)
         if propose:
             proposals = proposed_pairs(loaded, propose)
     if json:
@@ -107,6 +119,7 @@ def check(
                 **tables_of(loaded),
                 "proposals": proposals,
                 "claims": claim_table(audits) if prove else None,
+                "zones": zone_table(zones) if zones is not None else None,
             }
         )
     else:

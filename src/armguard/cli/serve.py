@@ -3,7 +3,7 @@
 import logging
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -60,6 +60,13 @@ class Options:
     response: Annotated[
         str | None,
         Option(help=f"Response of the robots: {', '.join(CHOICES['kind'])}."),
+    ] = None
+    reflex: Annotated[
+        Path | None,
+        Option(
+            help="File of the reflex that service and controllers obey; that of the "
+            "scene if left out."
+        ),
     ] = None
     ring: Annotated[
         Path | None,
@@ -140,6 +147,8 @@ def serve(options: Options) -> None:
             response=options.response,
             progress=progress,
         )
+    if settings.reflex is None and scene.reflex is not None:
+        settings = replace(settings, reflex=Path(file).parent / scene.reflex.file)
     compile_kernels({robot.mode for robot in scene.robots.values()} != {"fixed"})
     handle_signals(end_now)
     service = Service(scene, settings, file=file)

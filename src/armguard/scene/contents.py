@@ -1,7 +1,7 @@
 """Robots and objects of a scene by name, and the distances they must keep."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import isfinite
 from numbers import Real
 from types import MappingProxyType
@@ -16,6 +16,7 @@ from armguard.errors import (
     did_you_mean,
     known_names,
 )
+from armguard.geometry.pose import Pose
 from armguard.scene.objects import SceneObject
 from armguard.scene.robots import SceneRobot, check_mode
 from armguard.scene.schema import (
@@ -24,8 +25,10 @@ from armguard.scene.schema import (
     MOST_MARGIN,
     MOST_METRES,
     Name,
+    checked,
     in_other_units,
 )
+from armguard.scene.sensing import ReflexSettings, SceneSensor, SensorSettings
 from armguard.scene.settings import Mode
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
@@ -78,6 +81,13 @@ class Contents:
         self.strange_count = 0  # objects whose lengths look like millimetres
         self.allowances: list[Allowance] = []
         self.pair_buffers: dict[tuple[str, str], float] = {}
+        self._sensors: dict[str, SceneSensor] = {}
+        self.reflex: ReflexSettings | None = None
+
+    @property
+    def sensors(self) -> Mapping[str, SceneSensor]:
+        """Sensors by name; no verdict depends on them."""
+        return MappingProxyType(self._sensors)
 
     @property
     def robots(self) -> Mapping[str, SceneRobot]:
@@ -213,6 +223,52 @@ class Contents:
                     self.pair_buffers.pop((y, x), None)
                     self.pair_buffers[x, y] = value
 
+    def add_sensor(
+        self, name: str, *, pose: Pose | None = None, **settings: Any
+    ) -> SceneSensor:
+        """Add a sensor.
+
+        Args:
+            name: Its name.
+            pose: Its frame in the link that carries it.
+            settings: See `SensorSettings`; `on` is required.
+
+        Raises:
+            SceneError: The name is taken or no name, or a setting cannot be true.
+            UnknownNameError: The link does not exist.
+        """
+        self._check_name(name)
+        known = checked(f"sensor '{name}'", settings, kind=SensorSettings)
+        self._check_body(known.on, link=True)
+        given = {field.name: getattr(known, field.name) for field in fields(known)}
+        made = SceneSensor(name=name, pose=pose or Pose(), **given)
+        self._sensors[name] = made
+        return made
+
+    def set_reflex(self, **settings: Any) -> None:
+        """Declare the reflex that stops the arms by sensors.
+
+        Args:
+            settings: See `ReflexSettings`; `sensors` is required.
+
+        Raises:
+            SceneError: A setting cannot be true, or no zone can see so far.
+            UnknownNameError: There is no such sensor.
+        """
+        reflex = checked("reflex", settings, kind=ReflexSettings)
+        for name in reflex.sensors:
+            if name not in self._sensors:
+                raise UnknownNameError(
+                    f"no sensor is named '{name}'; {did_you_mean(name, self._sensors)}"
+                )
+            least, greatest = self._sensors[name].range
+            if not least < reflex.distance <= greatest:
+                raise SceneError(
+                    f"distance is {reflex.distance} m; sensor '{name}' measures from "
+                    f"{least} to {greatest} m"
+                )
+        self.reflex = reflex
+
     def buffer_of(self, body: str) -> float:
         """Distance a body must keep where no pair rule says otherwise [m].
 
@@ -259,7 +315,7 @@ class Contents:
                 f"'{name}' is no name; it must not be empty, hold '/', or start or end "
                 "in a blank"
             )
-        if name in self._robots or name in self._objects:
+        if any(name in one for one in (self._robots, self._objects, self._sensors)):
             raise SceneError(f"the name '{name}' is taken; give another")
 
     def _check_body(self, body: str, *, link: bool = False) -> None:

@@ -33,6 +33,7 @@ from armguard.scene.robots import (
 )
 from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
+from armguard.scene.sensing import ReflexSettings, SensorSettings
 from armguard.scene.settings import ObjectSettings, RobotSettings
 from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
 
@@ -254,6 +255,13 @@ def fill(
         for k, pair in enumerate(model.buffers):
             with problems.at("buffers", k):
                 scene.set_buffer(pair.a, pair.b, pair.buffer)
+    for name, sensor in model.sensors.items():
+        with problems.at("sensors", name):
+            settings = part_of(sensor, SensorSettings)
+            scene.add_sensor(name, pose=sensor.at.pose(), **settings)
+    if model.reflex is not None and not problems:
+        with problems.at("reflex"):
+            scene.set_reflex(**part_of(model.reflex, ReflexSettings))
     for group in lacking_figures(scene.robots.values()):
         problems.add(
             ("robots", group[0].name),

@@ -35,6 +35,7 @@ from armguard.scene.schema import (
     at_most,
     meanings,
 )
+from armguard.scene.sensing import ReflexSettings, SensorSettings
 from armguard.scene.settings import (
     DEFAULT_MODE,
     CycleSettings,
@@ -45,8 +46,9 @@ from armguard.scene.settings import (
 )
 from armguard.scene.yaml_source import Keys
 
-# Most robots and objects of a scene file.
+# Most robots, sensors and objects of a scene file.
 MOST_ROBOTS = 64
+MOST_SENSORS = 256
 MOST_OBJECTS = 5_000
 
 
@@ -171,6 +173,19 @@ class RobotEntry(RobotSettings):
     max_primitives: Annotated[int, Field(ge=1, le=64)]
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensorEntry(SensorSettings):
+    """A sensor of the scene.
+
+    Attributes:
+        at: A pose in the link that carries it.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    at: PoseModel = ORIGIN
+
+
 class BufferEntry(Strict):
     """The distance of a pair [m]."""
 
@@ -193,6 +208,8 @@ class SceneModel(Strict):
         allow: Pairs that may touch.
         buffers: Distances of pairs; a robot's name is all its links.
         index: How near pairs are found.
+        sensors: Sensors by name.
+        reflex: The reflex; none if it is left out.
     """
 
     robots: Annotated[
@@ -209,6 +226,10 @@ class SceneModel(Strict):
     allow: list[Allowance] = Field(default=[])
     buffers: list[BufferEntry] = Field(default=[])
     index: IndexSettings = IndexSettings()
+    sensors: Annotated[dict[str, SensorEntry], Field(max_length=MOST_SENSORS)] = Field(
+        default={}
+    )
+    reflex: ReflexSettings | None = None
 
 
 class WithMeanings(GenerateJsonSchema):

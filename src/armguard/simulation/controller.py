@@ -114,7 +114,8 @@ class SimulatedArms:
 
     def _find_again(self, cause: Cause) -> None:
         """Ask now and then whether a service that was lost is there again."""
-        if cause is Cause.NO_ANSWER or self.plant.time < self._knock:
+        there = (Cause.NO_ANSWER, Cause.REFLEX_STOPPED, Cause.REFLEX_SILENT)
+        if cause in there or self.plant.time < self._knock:
             return
         self._knock = self.plant.time + KNOCK
         try:

@@ -61,6 +61,7 @@ class FarEnd:
         port: Its port.
         sender: The client whose message came last.
         behind: How old its messages say they are [ns].
+        text: The JSON of its WELCOME.
     """
 
     def __init__(self) -> None:
@@ -72,6 +73,7 @@ class FarEnd:
         self._socket.settimeout(PATIENCE)
         self.port = self._socket.getsockname()[1]
         self.sender = self.behind = 0
+        self.text = {**TEXT}
 
     def close(self) -> None:
         self._socket.close()
@@ -87,7 +89,7 @@ class FarEnd:
                 continue
             if said == Kind.HELLO:
                 welcome = WELCOME.pack(0, 1, JOINTS, 2, 0.004, stamp, stamp)
-                self.say(Kind.WELCOME, welcome + json.dumps(TEXT).encode())
+                self.say(Kind.WELCOME, welcome + json.dumps(self.text).encode())
             elif said == Kind.CLAIM:
                 grant = GRANT.pack(1, 0, TOKEN, self.sender, 0.5, sequence)
                 self.say(Kind.GRANT, grant)
@@ -139,7 +141,7 @@ class FarEnd:
             reason=0,
             cause=other.get("cause", 0),
             level=0,
-            action=0,
+            action=other.get("action", 0),
             flags=1,
             joints=other.get("joints", JOINTS),
             robots=2,

@@ -1,6 +1,7 @@
 """The example in C, compiled and run against the running service."""
 
 import hashlib
+import re
 import shutil
 import signal
 import subprocess
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from armguard.service.wire.pulses import reset
+from reflex.rack import KEY, Rack
 from service_arms import wait_for
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -106,6 +109,30 @@ def test_it_stops_when_the_service_is_silent(serving, tmp_path):
     assert printed.startswith("cycle ")
     assert said == "the service is silent: stop\n"
     assert running.returncode == 1
+
+
+def test_it_obeys_a_reflex_of_which_the_service_knows_nothing(serving, tmp_path):
+    program = compiled(EXAMPLES / "client.c", tmp_path / "client")
+    with Rack(tmp_path) as rack, serving() as served:
+        sensor = rack.start_sensor()
+        wait_for(lambda: not reset(rack.file))
+        listener = str(rack.given["listeners"][-1])
+        command = [str(program), str(served.port), "6", listener, KEY]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+            wait_for(lambda: served.counters.value("states") > 150)
+            sensor.send_signal(signal.SIGUSR1)
+            wait_for(lambda: served.counters.value("states") > 500)
+            sensor.send_signal(signal.SIGUSR2)
+            wait_for(lambda: not reset(rack.file))
+            lines, _ = running.communicate(timeout=120)
+        sensor.kill()
+        sensor.wait()
+    causes = re.findall(r"cause (\d+) held (\d+) v (.*)", lines)
+    # It moves, obeys the reflex, and then has the guard stop the arms until they are
+    # engaged.
+    assert list(dict.fromkeys(one[0] for one in causes)) == ["0", "16", "10"]
+    assert ("0", "0", "0.0500") in causes
+    assert all(float(v) == 0.0 for cause, _, v in causes if cause == "16")
 
 
 def test_its_header_is_one_of_cpp_as_well(tmp_path):

@@ -307,17 +307,16 @@ class Client(Exchange):
     def receive(self, timeout: float = 0.0) -> Answer | None:
         """The next answer that came in; None if there is none within `timeout` [s].
 
+        To a controller it is a stop as long as the reflex stops the robots, and one
+        more at once when that begins.
+
         Raises:
             NoServiceError: `connect` has not succeeded yet.
         """
         self.check_connected()
         if timeout:
             timeout = seconds_of(timeout, "timeout", LONG_REPLY)
-        self._drain()
-        if not self._answers and timeout > 0.0:
-            self._wait(lambda: bool(self._answers), timeout)
-        self._connection.keep_alive()
-        return self._answers.popleft() if self._answers else None
+        return self._next_answer(timeout)
 
     @property
     def latest(self) -> Answer:
@@ -383,6 +382,9 @@ class Client(Exchange):
         if self._welcome is not None and not self._gone:
             self._connection.say(Kind.BYE)
         self._connection.close()
+        if self._pulses is not None:
+            self._pulses.close()
+            self._pulses = None
         self._welcome = None
         self._states.clear()
         self._measured = 0

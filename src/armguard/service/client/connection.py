@@ -33,6 +33,7 @@ from armguard.service.wire.layout import (
     Header,
     command_size,
 )
+from armguard.service.wire.pulses import Pulses
 
 Floats = NDArray[np.float64]
 
@@ -174,10 +175,11 @@ class Connection:
         except OSError:
             return -1
 
-    def sleep(self, wait: float) -> None:
-        """Sleep until there may be a message, for at most `wait` [s]."""
+    def sleep(self, wait: float, *beside: Pulses) -> None:
+        """Sleep until there may be a message or a pulse, for at most `wait` [s]."""
         if self.socket is not None:
-            select.select((self.socket,), (), (), min(wait, ALIVE * NANO))
+            sources: list[Any] = [self.socket, *beside]
+            select.select(sources, (), (), min(wait, ALIVE * NANO))
 
     def answer(self, size: int) -> Answer | None:
         """The answer in a message of `size` bytes; None if it is none that counts."""

@@ -5,6 +5,7 @@ import struct
 from collections import deque
 from collections.abc import Callable, Mapping
 from math import inf
+from pathlib import Path
 from reprlib import repr as brief
 from time import monotonic, monotonic_ns
 from typing import Any
@@ -31,11 +32,20 @@ from armguard.service.wire.layout import (
     Grant,
     Header,
 )
+from armguard.service.wire.pulses import Pulses
 
 Floats = NDArray[np.float64]
 
 # Answers that wait to be received; older ones are given up.
 KEPT = 256
+
+# Stops of the service after which robots wait until they are engaged.
+UNTIL_ENGAGED = (
+    Cause.STOP_ORDERED,
+    Cause.RESTARTED,
+    Cause.REFLEX_STOPPED,
+    Cause.REFLEX_SILENT,
+)
 
 # A question that was not answered is asked again after this time [s].
 AGAIN = 0.2
@@ -57,6 +67,10 @@ class Exchange:
     def __init__(self, address: tuple[str, int], watchdog: float) -> None:
         self._limit = watchdog_of(watchdog)
         self._connection = Connection(address)
+        # Pulses of the reflex, which a controller hears; why it stopped the arms and
+        # the guard has not yet, since when [s], and whether `receive` has to say so.
+        self._pulses: Pulses | None = None
+        self._reflex, self._reflex_at, self._reflex_news = Cause.NONE, 0.0, False
         self._forget()
 
     def _forget(self) -> None:
@@ -128,10 +142,14 @@ class Exchange:
         Raises:
             NoServiceError: No service has named its robots.
             RefusedError: There is no robot of that name.
+            StationError: The scene has a reflex, whose pulses cannot be heard here.
         """
         form = robots, velocities, desired
         state = self._states.get(form)
         if state is None:
+            reflex = self.welcome.text.get("reflex")
+            if reflex and self._pulses is None:
+                self._pulses = Pulses(Path(reflex))
             state = self._states[form] = StateMessage(
                 *(self._connection, self.welcome, robots),
                 velocities=velocities,
@@ -146,6 +164,23 @@ class Exchange:
         """Whether this is the cause of the newest refusal."""
         return self.refusal is not None and self.refusal[0] == cause
 
+    def _next_answer(self, timeout: float) -> Answer | None:
+        """The next answer, or a stop of the reflex; see `Client.receive`."""
+        self._drain()
+
+        def done() -> bool:
+            return bool(self._answers or (self._reflex_cause() and self._reflex_news))
+
+        if not done() and timeout > 0.0:
+            self._wait(done, timeout)
+        self._connection.keep_alive()
+        answer = self._answers.popleft() if self._answers else None
+        cause = self._reflex_cause()
+        if cause and (answer is not None or self._reflex_news):
+            self._reflex_news = False
+            return self._stopped(cause)
+        return answer
+
     def _await_answer(self, own: tuple[int, int], timeout: float) -> Answer | None:
         """The answer to a state of that sender and number, or to a later one of it."""
 
@@ -155,8 +190,33 @@ class Exchange:
         self._wait(answered, timeout)
         return self._newest if answered() else None
 
+    def _reflex_cause(self) -> Cause:
+        """Why the reflex stops the robots of this controller; NONE if it does not.
+
+        Such a stop is over when the guard has one that lasts until the robots are
+        engaged; where it has none, one is ordered.
+        """
+        if self._pulses is None:
+            return Cause.NONE
+        now, newest = monotonic_ns(), self._newest
+        cause = self._pulses.hear(now)
+        if cause is not Cause.NONE:
+            self._reflex_news |= self._reflex is Cause.NONE
+            self._reflex, self._reflex_at = cause, now * NANO + self.clock.offset
+        elif self._reflex and newest is not None and newest.sent > self._reflex_at:
+            if newest.cause in UNTIL_ENGAGED:
+                self._reflex = Cause.NONE
+            else:
+                self._connection.say(Kind.STOP)
+        return self._reflex
+
     def _cause(self) -> Cause:
         """Why the newest answer does not count; NONE if it does."""
+        reflex = self._reflex_cause()
+        return self._service_cause() or reflex
+
+    def _service_cause(self) -> Cause:
+        """Why the newest answer does not count, as far as the service matters."""
         newest, clock = self._newest, self.clock
         now = monotonic() + clock.offset
         # What the clock may be wrong by counts for the answer, if it is known.
@@ -205,7 +265,7 @@ class Exchange:
             if done() or left <= 0.0:
                 return
             self._connection.keep_alive()
-            self._connection.sleep(left)
+            self._connection.sleep(left, *filter(None, (self._pulses,)))
 
     def _drain(self, done: Callable[[], object] | None = None) -> None:
         """Take all messages over that there are, or until something is true."""

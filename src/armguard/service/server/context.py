@@ -14,6 +14,7 @@ from armguard.service.server.sockets import Sockets
 from armguard.service.server.throttled_log import ThrottledLog
 from armguard.service.wire import Cause, Kind, Outbox
 from armguard.service.wire.layout import REFUSAL
+from armguard.service.wire.pulses import Pulses
 
 log = logging.getLogger("armguard.service")
 
@@ -65,9 +66,12 @@ class Context:
     answers: Answers
     judge: Judge
     command: Command
+    pulses: Pulses | None  # of the reflex; None without one
     welcome: tuple[bytes, ...] = ()  # parts of the description for clients
-    # Why robots stay stopped until they are engaged: `STOP_ORDERED` or `RESTARTED`.
+    # Why robots stay stopped until they are engaged: `STOP_ORDERED`, `RESTARTED`, or a
+    # stop of the reflex that may be over; and why the reflex stops them now.
     ordered: Cause = Cause.NONE
+    reflex: Cause = Cause.NONE
     changed: int = 0  # until then answers say that objects were changed [ns]
 
     def send(self, message: memoryview, peer: Peer) -> None:
@@ -103,6 +107,25 @@ class Context:
             self.ordered = Cause.STOP_ORDERED
             self.judge.note("stop ordered", by=name)
             log.warning("a stop was ordered by %r", name)
+
+    def look_at_reflex(self, now: int) -> None:
+        """Stop all robots while the reflex does, and then until they are engaged.
+
+        Args:
+            now: Monotonic clock [ns].
+        """
+        if self.pulses is None:
+            return
+        before, self.reflex = self.reflex, self.pulses.hear(now)
+        if self.reflex is before:
+            return
+        says = self.pulses.sentence
+        self.judge.note("reflex", cause=self.reflex.name, why=says)
+        if self.reflex:
+            self.ordered = self.ordered or self.reflex
+            log.warning("%s: %s", self.reflex.name, says)
+        else:
+            log.info("the reflex was reset; the commander has to engage")
 
     def lose_command(self, why: str) -> None:
         """Take the command from its holder."""

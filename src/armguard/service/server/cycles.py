@@ -105,7 +105,8 @@ class Cycles:
         self._earliest = start + self._period // 2
         self._latest = start + self._period + (self._grace if fresh else 0)
         # Why the desired motion does not count, if it does not.
-        cause = self._force or context.ordered or context.command.cause(start)
+        ordered = context.reflex or context.ordered
+        cause = self._force or ordered or context.command.cause(start)
         self._force = Cause.NONE
         number = judge.guard.cycle
         before = answers.level

@@ -51,6 +51,8 @@ ASK_OF: dict[Cause, int] = {
     Cause.WISH_OLD: NOTHING,
     Cause.STOP_ORDERED: Reason.STOP_ORDERED,
     Cause.RESTARTED: Reason.RESTARTED,
+    Cause.REFLEX_STOPPED: Reason.STOP_ORDERED,
+    Cause.REFLEX_SILENT: Reason.STOP_ORDERED,
     Cause.DEADLINE_MISSED: Reason.DEADLINE_MISSED,
     Cause.SHUTDOWN: Reason.SHUTDOWN,
 }

@@ -113,6 +113,12 @@ class Calls:
                 return self._remove(peer, call)
             case Reset() if not judge.at_rest():
                 raise RefusedError("a reset is for when every robot rests")
+            case Engage() if call.ordered and context.reflex:
+                assert context.pulses is not None
+                raise RefusedError(
+                    f"{context.pulses.sentence}; only `armguard reset` lifts its stop",
+                    reason=context.reflex.name,
+                )
             case GuardCall():
                 judge.do(call)
                 if isinstance(call, Engage) and call.ordered:
@@ -125,7 +131,10 @@ class Calls:
             case ListObjects():
                 return judge.objects(call.first)
             case Why():
-                return judge.why()
+                found = judge.why()
+                if context.pulses is not None:
+                    found["reflex"] = context.pulses.sentence
+                return found
             case OrderStop():
                 return context.order_stop(peer.name)
             case Ping():

@@ -31,6 +31,7 @@ from armguard.service.server.throttled_log import ThrottledLog
 from armguard.service.wire import Cause, Kind, Outbox
 from armguard.service.wire.keys import keys_path, new_keys, write_keys
 from armguard.service.wire.layout import HEARTBEAT, MOST, MOST_ROBOTS, command_size
+from armguard.service.wire.pulses import Pulses
 
 log = logging.getLogger("armguard.service")
 
@@ -59,6 +60,7 @@ class Service:
 
     Raises:
         ServiceError: The port is taken, or the scene has too many robots.
+        StationError: The file of the reflex cannot be used.
         RingError: There is no room for a ring.
         ArmguardError: The scene cannot be guarded.
     """
@@ -84,6 +86,11 @@ class Service:
             opened.callback(counters_path(path).unlink, missing_ok=True)
             opened.callback(self.ring.close)
             self.counters = Counters(counters_path(path))
+            pulses = None
+            if settings.reflex is not None:
+                pulses = Pulses(settings.reflex)
+                opened.callback(pulses.close)
+                sockets.beside = (pulses,)
             words = (np.frombuffer(one, np.float64) for one in (buffer, outbox.buffer))
             judge = Judge(scene, file, settings, self.ring, *words)
             if not settings.keys:
@@ -103,6 +110,7 @@ class Service:
             answers=Answers(judge, outbox),
             judge=judge,
             command=Command(int(settings.wish_watchdog * NANO)),
+            pulses=pulses,
         )
         if settings.stopped or killed:
             self._context.ordered = Cause.RESTARTED
@@ -181,6 +189,7 @@ class Service:
             if not read() or time.monotonic_ns() >= cycles.next:
                 break
         now = time.monotonic_ns()
+        self._context.look_at_reflex(now)
         if now >= cycles.next:
             cycles.run()
         if now >= self._beat_at:
@@ -243,6 +252,7 @@ class Service:
             session=self.session,
             version=__version__,
             rate=settings.rate,
+            **{} if settings.reflex is None else {"reflex": str(settings.reflex)},
         )
         context.welcome = tuple(parts)
 
@@ -261,6 +271,8 @@ class Service:
             context.send_to_all(context.outbox.message(Kind.BYE))
         finally:
             context.sockets.close()
+            if context.pulses is not None:
+                context.pulses.close()
             self.ring.close()
             self._companions.end()
             self.counters.close()

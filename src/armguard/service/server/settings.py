@@ -45,6 +45,8 @@ class ServiceSettings:
     realtime: bool = False  # whether to request real-time scheduling
     lock_memory: bool = False  # whether to request memory that is never swapped out
     cpu: int | None = None  # processor to stay on; any if None
+    # File of the reflex that the service and its controllers obey; none if None.
+    reflex: Path | None = None
     # Processes to start beside, by name, with their arguments.
     companions: dict[str, tuple[str, ...]] = field(default_factory=dict)
 

@@ -3,11 +3,13 @@
 import select
 import socket
 import time
+from typing import Any
 
 from armguard.errors import ServiceError
 from armguard.recording.counters import Counters
 from armguard.service.server.peers import Address
 from armguard.service.server.throttled_log import ThrottledLog
+from armguard.service.wire.pulses import Pulses
 
 # The option by which sockets share a port; None where the system has none.
 REUSE: int | None = getattr(socket, "SO_REUSEPORT", None)
@@ -24,6 +26,7 @@ class Sockets:
 
     Attributes:
         port: The port it listens on.
+        beside: Pulses that end a wait as well.
 
     Args:
         address: Address to listen on.
@@ -38,11 +41,13 @@ class Sockets:
         self._own: dict[Address, socket.socket] = {}
         # Sockets in the order in which they are read: controllers' first.
         self._sockets = [self._socket]
+        self.beside: tuple[Pulses, ...] = ()
         self.port: int = self._socket.getsockname()[1]
 
     def wait(self, seconds: float) -> None:
         """Sleep until a message is received, but not for longer than that."""
-        select.select(self._sockets, (), (), seconds)
+        sources: list[Any] = [*self._sockets, *self.beside]
+        select.select(sources, (), (), seconds)
 
     def receive(
         self, buffer: bytearray, log: ThrottledLog

@@ -118,7 +118,8 @@ class Form(IntEnum):
 class Cause(WithSentence):
     """Reason that the service, or a client, adds to the guard's.
 
-    From `STOP_ORDERED` on it is a stop; from `NOT_CONNECTED` on a client sets it.
+    From `STOP_ORDERED` on it is a stop; from `NOT_CONNECTED` on a client sets it. The
+    service and a controller each set those of the reflex by themselves.
     """
 
     NONE = 0, "the desired motion of the commander was judged"
@@ -134,6 +135,8 @@ class Cause(WithSentence):
     SHUTDOWN = 13, "the service shuts down"
     WAITING = 14, "waiting for the state of every robot"
     RESTARTED = 15, "the service restarted after a crash; the commander has to engage"
+    REFLEX_STOPPED = 16, "the reflex stops the arms; reset it, then engage"
+    REFLEX_SILENT = 17, "the reflex is silent; start it, reset it, then engage"
     NOT_CONNECTED = 100, "not connected to a service"
     SERVICE_SILENT = 101, "the service is silent; check that it runs"
     NO_ANSWER = 102, "the service is alive, but sent no command in time"

@@ -1,0 +1,121 @@
+"""Sensors on links, and the reflex that stops the arms by them: their settings."""
+
+from dataclasses import dataclass
+from math import pi
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from armguard.geometry.pose import Pose
+from armguard.scene.schema import (
+    CLOSED,
+    METRES,
+    SECONDS,
+    Name,
+    NotNegative,
+    Positive,
+    at_most,
+    counted,
+)
+
+# The widest view whose zones are cut out of one plane before the sensor [rad].
+WIDEST = 0.9 * pi
+
+Distance = Annotated[Positive, METRES]
+Seconds = Annotated[Positive, SECONDS]
+View = Annotated[Positive, at_most(WIDEST, "rad")]
+Port = Annotated[int, Field(ge=1, le=65535)]
+Count = Annotated[int, Field(ge=1, le=64)]
+
+
+def no_repetition(values: tuple[object, ...]) -> tuple[object, ...]:
+    """Refuse a list in which something is named twice."""
+    if len(set(values)) < len(values):
+        raise ValueError("names something twice")
+    return values
+
+
+def in_this_folder(value: str) -> str:
+    """Refuse a name that leads to another folder: the file is written there."""
+    if "/" in value or "\\" in value or value in (".", ".."):
+        raise ValueError(f"is {value!r}; it must be a name without a folder")
+    return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSettings:
+    """A sensor on a link.
+
+    Attributes:
+        on: 'robot/link' that carries it.
+        kind: "tof": an array of zones that each measure a distance by time of flight.
+        zones: Columns and rows of its zones.
+        view: Angle of its view along the columns and along the rows [rad].
+        range: Least and greatest distance that it measures [m].
+        error: How far off a distance, or the place of a zone, may be [m].
+        period: Time from frame to frame [s].
+    """
+
+    __pydantic_config__ = CLOSED
+
+    on: Name
+    kind: Literal["tof"] = "tof"
+    zones: Annotated[tuple[Count, Count], counted(2)] = (8, 8)
+    view: Annotated[tuple[View, View], counted(2)] = (0.785, 0.785)
+    range: Annotated[tuple[Distance, Distance], counted(2)] = (0.02, 0.4)
+    error: Annotated[NotNegative, METRES] = 0.01
+    period: Seconds = 0.067
+
+    @model_validator(mode="after")
+    def _range_rises(self) -> Self:
+        least, greatest = self.range
+        if least >= greatest:
+            raise ValueError(f"range is {least} to {greatest} m; it must rise")
+        return self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneSensor(SensorSettings):
+    """A sensor of a scene.
+
+    Attributes:
+        name: Its name.
+        pose: Its frame in the link that carries it: it looks along z, its columns
+            follow x, its rows y.
+    """
+
+    name: str
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReflexSettings:
+    """The reflex, see docs/reflex.md.
+
+    Attributes:
+        sensors: Names of the sensors it stops the arms by.
+        distance: Each of their zones that sees something nearer stops the arms [m].
+        vote: Frames in a row that have to see it.
+        file: Its file, beside the scene file; `armguard check --reflex` writes it.
+        port: UDP port of its frames and resets.
+        listeners: UDP ports of the service and of the controllers, one for each.
+        period: Time from pulse to pulse [s].
+        watchdog: Silence of the reflex after which a listener stops the arms [s].
+    """
+
+    __pydantic_config__ = CLOSED
+
+    sensors: Annotated[
+        tuple[Name, ...], Field(min_length=1), AfterValidator(no_repetition)
+    ]
+    distance: Distance = 0.12
+    vote: Literal[1, 2] = 1
+    file: Annotated[Name, AfterValidator(in_this_folder)] = "reflex.json"
+    port: Port = 47810
+    listeners: Annotated[
+        tuple[Port, ...],
+        Field(min_length=1, max_length=16),
+        AfterValidator(no_repetition),
+    ] = (47811, 47812, 47813, 47814)
+    period: Annotated[Positive, Field(ge=0.001, le=0.05)] = 0.02
+    watchdog: Annotated[Positive, Field(ge=0.003, le=1.0)] = 0.1
