@@ -67,7 +67,7 @@ def scenes(draw):
     return image.astype(np.float32), T, focal, centre
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(scenes())
 def test_a_free_cell_has_all_its_pixels_behind_it(scene):
     image, T, focal, centre = scene
@@ -75,7 +75,7 @@ def test_a_free_cell_has_all_its_pixels_behind_it(scene):
     cells.depth(image, T, focal, centre, 0.0)
     free = borders_of(cells.known_free())
     rng = np.random.default_rng(len(free))
-    free = rng.permutation(free)[:4000]
+    free = rng.permutation(free)[:2500]
     u, v, z = seen(free, T, focal, centre)
     assert (z > 0.0).all()
     assert is_behind(image, u, v, z.max(axis=1)[:, None]).all()
@@ -115,8 +115,9 @@ def test_carving_reaches_the_wall_and_the_edges_of_the_image():
     image, T, focal, centre = wall()
     cells = ag.CellMap((0, 0, 0), CELL, SIDE)
     cells.depth(image, T, focal, centre, 0.0)
-    everywhere = np.argwhere(np.ones((SIDE,) * 3, dtype=bool))
-    u, v, z = seen(everywhere, T, focal, centre)
+    rng = np.random.default_rng(0)
+    chosen = rng.integers(0, SIDE, (20_000, 3))
+    u, v, z = seen(chosen, T, focal, centre)
     near, far = z.min(axis=1), z.max(axis=1)
     in_front = (near > 0.1) & (far < 1.2 - 1e-6)
     # A rectangle about the projection of the middle is a little wider than the cell.
@@ -124,8 +125,8 @@ def test_carving_reaches_the_wall_and_the_edges_of_the_image():
     inside = (u.min(axis=1) > -0.5 + grown) & (u.max(axis=1) < 79.5 - grown)
     inside &= (v.min(axis=1) > -0.5 + grown) & (v.max(axis=1) < 59.5 - grown)
     expected = in_front & inside
-    assert expected.sum() > 10_000
-    free = cells.known_free().reshape(-1)
+    assert expected.sum() > 1_000
+    free = cells.known_free()[tuple(chosen.T)]
     assert free[expected].mean() > 0.98
     assert not free[far > 1.2 + 1e-6].any()
 
@@ -199,9 +200,9 @@ def test_a_zone_hits_all_cells_that_its_area_meets():
 
 def test_zones_free_up_to_their_distance():
     cells = ag.CellMap((0, 0, 0.3), 0.01, SIDE)
-    cells.zones(np.full((8, 8), 400), np.eye(4), np.deg2rad(45.0), 0.0)
+    cells.zones(np.full((8, 8), 397), np.eye(4), np.deg2rad(45.0), 0.0)
     free = cells.middles(np.argwhere(cells.known_free()))
-    assert 0.38 < free[:, 2].max() < 0.395
+    assert 0.38 < free[:, 2].max() < 0.39
     # A pyramid of 45 degrees by 0.4 m, cut off near the sensor and at its edges.
-    pyramid = (2 * np.tan(np.deg2rad(22.5))) ** 2 * 0.4**3 / 3.0 / 0.01**3
+    pyramid = (2 * np.tan(np.deg2rad(22.5))) ** 2 * 0.397**3 / 3.0 / 0.01**3
     assert 0.7 * pyramid < len(free) < pyramid

@@ -143,8 +143,9 @@ class CellMap(CellView):
     ) -> None:  # fmt: skip
         """Take a frame of a sensor with a few zones, such as 8 × 8 of time of flight.
 
-        A zone is a wide pixel: it hits all cells that its area meets at its distance,
-        and frees a cell only if all zones that the cell may be in lie behind it.
+        A zone is a wide pixel: it hits the cells of its whole area at its distance, by
+        points that are no farther apart than a cell. It frees a cell only if all zones
+        that the cell may be in lie behind it.
 
         Args:
             distance: Perpendicular distances of the zones, shape (rows, columns):

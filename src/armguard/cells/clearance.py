@@ -21,23 +21,29 @@ from armguard.cells.state import (
     Bits,
     Claims,
     Lattice,
+    Triple,
 )
 from armguard.cells.words import (
     bit,
     corner_of,
     member_corner,
+    middle_of,
     place_of_block,
     place_of_word,
 )
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.cell_gap import cell_gap
 from armguard.geometry.place import place_row
+from armguard.geometry.segments import POINT, clamp01
+from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3
+from armguard.geometry.vec3 import Vec3, along, dot, extent, sub
 from armguard.kernel import kernel
 from armguard.lanes import lowest
 from armguard.record import maker, record
 from armguard.table import IntVector, LongVector, Matrix, Vector, opener
+
+CAPSULE = int(ShapeKind.CAPSULE)
 
 # A box's gap counts as smaller by this share and this length: the gaps of cells in it
 # are rounded, and those of curved cores are proven to a share of 1e-9 [-, m].
@@ -76,11 +82,15 @@ class Query:
         kind: ShapeKind.
         row: Its row, world.
         bounds: Corners of the bounding box of its core, world [m].
+        way: From the start of a capsule's axis to its end, 0 for other kinds [m].
+        per_square: Inverse of its squared length, 0 for a point [1/m²].
     """
 
     kind: int
     row: Annotated[NDArray[np.float64], (ROW_WIDTH,)]
     bounds: Annotated[NDArray[np.float64], (6,)]
+    way: Triple
+    per_square: float
 
 
 make_nearest, make_query = maker(Nearest), maker(Query)
@@ -140,6 +150,36 @@ def is_beyond(gap: float, best: Nearest) -> bool:
     return bool(gap * (1.0 - SHARE) - ROUND_OFF > best.gap)
 
 
+@kernel
+def is_out_of_reach(query: Query, middle: Vec3, half: float, best: Nearest) -> bool:
+    """Whether a quick bound shows that a cube is beyond the best cell.
+
+    The distance to a segment is convex: in a cube it is not below the one in the middle
+    less half the edge times the sum of the sizes of its gradient. Other cores have no
+    such bound.
+    """
+    if query.kind > CAPSULE:
+        return False
+    row, way = query.row, (query.way[0], query.way[1], query.way[2])
+    apart = sub(middle, (row[1], row[2], row[3]))
+    apart = along(apart, -clamp01(dot(apart, way) * query.per_square), way)
+    square = dot(apart, apart)
+    growth = half * (1.0 + SHARE) * extent(apart)
+    return bool(square - growth > np.sqrt(square) * (best.gap + ROUND_OFF))
+
+
+@kernel
+def write_bounds(out: Query) -> None:
+    """Bounding box of the core, and the axis of a capsule."""
+    row = out.row
+    row_bounds(out.kind, row, -row[0], out.bounds)
+    square = 0.0
+    for k in range(3):
+        out.way[k] = row[4 + k] - row[1 + k] if out.kind == CAPSULE else 0.0
+        square += out.way[k] * out.way[k]
+    out.per_square = 1.0 / square if square > POINT else 0.0
+
+
 @kernel(inline=False)
 def search_word(
     word: int, cells: np.uint64, query: Query, lattice: Lattice, out: Nearest
@@ -147,10 +187,14 @@ def search_word(
     """Compare the cells of a word; of equal ones the first counts."""
     corner = corner_of(place_of_word(word, lattice.blocks), WORD_SIDE, lattice)
     cells = reachable(cells, corner, lattice.cell, query, out.gap)
+    half = 0.5 * lattice.cell
     while cells != 0:
         cell = lowest(cells)
         cells &= cells - np.uint64(1)
-        gap = box_gap(query, member_corner(corner, lattice.cell, cell), lattice.cell)
+        low = member_corner(corner, lattice.cell, cell)
+        if is_out_of_reach(query, middle_of(low, lattice.cell), half, out):
+            continue
+        gap = box_gap(query, low, lattice.cell)
         out.visited += 1
         out.measured += 1
         first = (
@@ -170,7 +214,11 @@ def gaps_of(
     while left != 0:
         k = lowest(left)
         left &= left - np.uint64(1)
-        out[k] = box_gap(query, member_corner(corner, edge, k), edge)
+        low = member_corner(corner, edge, k)
+        if is_out_of_reach(query, middle_of(low, edge), 0.5 * edge, best):
+            members &= ~bit(k)
+            continue
+        out[k] = box_gap(query, low, edge)
         best.visited += 1
         if is_beyond(out[k], best):
             members &= ~bit(k)
@@ -234,7 +282,7 @@ def search(
     """Nearest cell of a set to the core of a primitive.
 
     Args:
-        query: Kind and row of the primitive; its bounds are overwritten.
+        query: Kind and row of the primitive; the rest of it is overwritten.
         first: Word to search first, -1 for none.
         lattice: Place of the cells.
         cells: The set.
@@ -246,7 +294,7 @@ def search(
     if total != 0.0:
         out.gap = nan
         return
-    row_bounds(query.kind, query.row, -query.row[0], query.bounds)
+    write_bounds(query)
     if first >= 0:
         search_word(first, cells.words[first], query, lattice, out)
     edge = BLOCK_SIDE * lattice.cell

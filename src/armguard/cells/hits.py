@@ -9,8 +9,8 @@ from armguard.cells.words import bit, touch, word_at
 from armguard.kernel import kernel
 from armguard.table import LongVector
 
-# Most points along an edge of a pixel's area [-].
-MOST_POINTS = 64
+# Most parts of an edge of a pixel's area [-].
+MOST_PARTS = 64
 
 
 @kernel
@@ -55,13 +55,13 @@ def hit_area(
     i: int, j: int, depth: float, count: int, camera: Camera, lattice: Lattice,
     out: Look,
 ) -> None:  # fmt: skip
-    """Note the cells that the area of a pixel meets at its depth.
+    """Note the cells of a pixel's area at its depth, by points from edge to edge.
 
     Args:
         i: Row of the pixel.
         j: Its column.
         depth: Its depth [cells].
-        count: Points along an edge of its area.
+        count: Parts of its edges between two points.
         camera: The camera.
         lattice: Place of the cells.
         out: The frame.
@@ -71,11 +71,11 @@ def hit_area(
     ox = (camera.origin[0] - lattice.low[0]) * scale
     oy = (camera.origin[1] - lattice.low[1]) * scale
     oz = (camera.origin[2] - lattice.low[2]) * scale
-    for row in range(count):
-        t = i + (row + 0.5) / count - 0.5
+    for row in range(count + 1):
+        t = i + row / count - 0.5
         t = depth * (t - camera.centre[1]) / camera.focal[1]
-        for column in range(count):
-            s = j + (column + 0.5) / count - 0.5
+        for column in range(count + 1):
+            s = j + column / count - 0.5
             s = depth * (s - camera.centre[0]) / camera.focal[0]
             x = ox + s * a[0] + t * b[0] + depth * c[0]
             y = oy + s * a[1] + t * b[1] + depth * c[1]
@@ -105,8 +105,8 @@ def hit_row(
             continue
         depth *= scale
         if depth > most:
-            points = min(int(np.ceil(depth / most)), MOST_POINTS)
-            hit_area(i, j, depth, points, camera, lattice, out)
+            parts = min(int(np.ceil(depth / most)), MOST_PARTS)
+            hit_area(i, j, depth, parts, camera, lattice, out)
             continue
         s = (j - camera.centre[0]) * per_pixel
         x = ox + depth * (s * a[0] + bx)
@@ -125,7 +125,8 @@ def hit_row(
 def hit_pixels(single: bool, pyramid_lines: LongVector, look_lines: LongVector) -> None:
     """Note the cells in which the pixels of an image measured a surface.
 
-    A pixel wider than a cell hits all cells that its area meets at its depth.
+    A pixel wider than a cell hits the cells of its area at its depth, by points that
+    are no farther apart than a cell.
 
     Args:
         single: Whether one pixel in a cell is enough. Otherwise two are needed, where

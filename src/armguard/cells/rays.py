@@ -58,8 +58,8 @@ def cross_cells(
         out: The frame.
     """
     side = lattice.side
-    at, end = clipped(start, way, side, end)
-    if not at < end:
+    at, last = clipped(start, way, side, end)
+    if not at < last:
         return
     x = min(max(int(start[0] + at * way[0]), 0), side - 1)
     y = min(max(int(start[1] + at * way[1]), 0), side - 1)
