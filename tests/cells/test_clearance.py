@@ -7,8 +7,8 @@ import pytest
 import armguard as ag
 from armguard.geometry import ShapeKind
 from cell_frames import occupy, random_cells
-from octomap_files import body_of
 from oracle import surface
+from sensing.octomap_files import body_of
 from worlds import random_pose, random_shape
 
 SIDE, CELL = 64, 0.02

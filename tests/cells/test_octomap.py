@@ -5,7 +5,7 @@ import pytest
 
 import armguard as ag
 from cell_frames import random_cells
-from octomap_files import write_octomap
+from sensing.octomap_files import write_octomap
 
 SIDE = 64
 

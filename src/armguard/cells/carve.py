@@ -19,7 +19,7 @@ from armguard.cells.state import (
     Look,
 )
 from armguard.cells.words import corner_of, member_corner, middle_of, place_of_block
-from armguard.geometry.vec3 import Vec3
+from armguard.geometry.vec3 import Vec3, dot
 from armguard.kernel import kernel
 from armguard.lanes import bits, floor, item, least, load, most, pick, some
 from armguard.table import LongVector, Vector, opener
@@ -82,12 +82,58 @@ def half_width(camera: Camera, k: int, slope: float, sway: float, half: float) -
 
 
 @kernel
+def side_of(camera: Camera, k: int, p: Pyramid) -> Vec3:
+    """Normal, into the view, of a plane through the camera and a border of the image.
+
+    Args:
+        camera: The camera.
+        k: 0 and 1 for the first and the last column, 2 and 3 for rows.
+        p: The image.
+
+    Returns:
+        A vector of the camera's frame.
+    """
+    u, v = camera.centre[0] + 0.5, camera.centre[1] + 0.5
+    if k == 0:
+        return (camera.focal[0], 0.0, u)
+    if k == 1:
+        return (-camera.focal[0], 0.0, p.levels[0, 2] - u)
+    if k == 2:
+        return (0.0, camera.focal[1], v)
+    return (0.0, -camera.focal[1], p.levels[0, 1] - v)
+
+
+@kernel
+def write_side_extents(p: Pyramid, out: Camera) -> None:
+    """Write how far a cube with a half edge of 1 extends along the sides' normals."""
+    for k in range(4):
+        n = side_of(out, k, p)
+        total = 0.0
+        for axis in range(3):
+            column = (out.axes[0, axis], out.axes[1, axis], out.axes[2, axis])
+            total += abs(dot(n, column))
+        out.side_extents[k] = total
+
+
+@kernel
+def is_beside(camera: Camera, middle: Vec3, half: float, p: Pyramid) -> bool:
+    """Whether a cube lies beside the view; its middle is in the camera's frame [m]."""
+    for k in range(4):
+        if dot(side_of(camera, k, p), middle) + half * camera.side_extents[k] < 0.0:
+            return True
+    return False
+
+
+@kernel
 def level_for(width: float, p: Pyramid) -> int:
-    """Least level whose tiles are at least this wide [pixels]; -1 if there is none."""
-    for k in range(p.levels.shape[0]):
-        if width <= (1 << k):
-            return k
-    return -1
+    """Least level whose tiles are at least this wide [pixels].
+
+    Where there is none it is the last one, which has one tile.
+    """
+    k = 0
+    while k + 1 < p.levels.shape[0] and width > (1 << k):
+        k += 1
+    return k
 
 
 @kernel
@@ -103,7 +149,9 @@ def window_about(u: float, v: float, k: int, p: Pyramid) -> int:
 
 
 @kernel
-def decide(camera: Camera, middle: Vec3, edge: float, p: Pyramid) -> int:
+def decide(
+    camera: Camera, middle: Vec3, edge: float, p: Pyramid
+) -> tuple[int, float, float]:
     """Whether all cells of a cube are free, or none can be.
 
     Args:
@@ -113,32 +161,31 @@ def decide(camera: Camera, middle: Vec3, edge: float, p: Pyramid) -> int:
         p: The image.
 
     Returns:
-        HIDDEN, FREE or MIXED.
+        HIDDEN, FREE or MIXED; a depth that the pixels of the cube are not nearer than,
+        and one that they are not farther than [m].
     """
     px, py, pz = in_camera(camera, middle)
     half = 0.5 * edge
     extent = depth_extent(camera, half)
     near, far = pz - extent, pz + extent
-    if far <= 0.0 or near >= camera.reach:
-        return HIDDEN
+    if far <= 0.0 or near >= camera.reach or is_beside(camera, (px, py, pz), half, p):
+        return HIDDEN, 0.0, 0.0
     if near <= 0.0:
-        return MIXED
+        return MIXED, 0.0, camera.reach
     u = camera.focal[0] * px / pz + camera.centre[0] + 0.5
     v = camera.focal[1] * py / pz + camera.centre[1] + 0.5
     wide = half_width(camera, 0, px / pz, 0.0, half) / near + SLACK
     high = half_width(camera, 1, py / pz, 0.0, half) / near + SLACK
     rows, columns = p.levels[0, 1], p.levels[0, 2]
-    if u + wide <= 0.0 or u - wide >= columns or v + high <= 0.0 or v - high >= rows:
-        return HIDDEN
     k = level_for(max(wide, high), p)
-    if k < 0:
-        return MIXED
-    if near >= item(p.most_near, window_about(u, v, max(k, 2), p)):
-        return HIDDEN
+    most = min(item(p.most_near, window_about(u, v, max(k, 2), p)), camera.reach)
+    if near >= most:
+        return HIDDEN, 0.0, 0.0
+    least_depth = item(p.least_near, window_about(u, v, k, p))
     whole = u >= wide and u + wide <= columns and v >= high and v + high <= rows
-    if not whole or far > camera.reach:
-        return MIXED
-    return FREE if far < item(p.least_near, window_about(u, v, k, p)) else MIXED
+    if whole and far < least_depth and far <= camera.reach:
+        return FREE, least_depth, most
+    return MIXED, least_depth, most
 
 
 @kernel
@@ -159,18 +206,21 @@ def window_start(low: float, high: float, count: int, span: int) -> tuple[float,
 
 @kernel(inline=False)
 def free_cells(
-    camera: Camera, middle: Vec3, cell: float, offsets: Vector, p: Pyramid
-) -> np.uint64:
+    middle: Vec3, nearest: float, farthest: float, cell: float, offsets: Vector,
+    camera: Camera, p: Pyramid,
+) -> np.uint64:  # fmt: skip
     """Cells of a word that are free, eight at a time.
 
     A cell's rectangle is covered by four windows of a fine level, or by four pixels.
 
     Args:
-        camera: The camera.
         middle: Middle of the word, world [m].
+        nearest: Depth that its pixels are not nearer than [m].
+        farthest: Depth that they are not farther than [m].
         cell: Edge of a cell [m].
         offsets: Cells of a word from its middle, camera frame, shape (192,): x of all,
             y of all, z of all [m].
+        camera: The camera.
         p: The image.
     """
     px, py, pz = in_camera(camera, middle)
@@ -188,8 +238,6 @@ def free_cells(
     widest = max(wide, high)
     # Two windows of three tiles cover a range of up to five tiles wherever it begins.
     k = 0 if widest < 0.5 else level_for(0.4 * widest, p)
-    if k < 0:
-        return free
     span = 0 if widest < 0.5 else 2
     depths = p.least if span == 0 else p.least_near
     # The window about a tile begins one tile before it.
@@ -205,7 +253,9 @@ def free_cells(
         far = depth + extent
         inside = (u >= wide) & (u + wide <= columns) & (v >= high) & (v + high <= rows)
         inside = inside & (far <= camera.reach)
-        if not some(inside):
+        found = bits(inside & (far < nearest))
+        if not some(inside & (far >= nearest) & (far < farthest)):
+            free |= np.uint64(found) << np.uint64(8 * n)
             continue
         a, b = window_start(
             (u - wide) * per_pixel, (u + wide) * per_pixel, tiles_across, span
@@ -219,11 +269,11 @@ def free_cells(
         )
         c, d = least(c + shift, tiles_down - 1.0), least(d + shift, tiles_down - 1.0)
         upper, lower = c * tiles_across + first, d * tiles_across + first
-        nearest = least(
+        behind = least(
             least(pick(depths, upper + a), pick(depths, upper + b)),
             least(pick(depths, lower + a), pick(depths, lower + b)),
         )
-        free |= np.uint64(bits(inside & (far < nearest))) << np.uint64(8 * n)
+        free |= np.uint64(bits(inside & (far < behind)) | found) << np.uint64(8 * n)
     return free
 
 
@@ -235,11 +285,11 @@ def carve_group(
     edge = WORD_SIDE * cell
     for k in range(MEMBERS):
         middle = middle_of(member_corner(corner, edge, k), edge)
-        found = decide(out.camera, middle, edge, p)
+        found, nearest, farthest = decide(out.camera, middle, edge, p)
         if found == FREE:
             free_word((group << 6) + k, ALL, out)
         elif found == MIXED:
-            free = free_cells(out.camera, middle, cell, offsets, p)
+            free = free_cells(middle, nearest, farthest, cell, offsets, out.camera, p)
             if free != 0:
                 free_word((group << 6) + k, free, out)
 
@@ -252,7 +302,7 @@ def carve_block(
     edge = GROUP_SIDE * cell
     for k in range(MEMBERS):
         inner = member_corner(corner, edge, k)
-        found = decide(out.camera, middle_of(inner, edge), edge, p)
+        found = decide(out.camera, middle_of(inner, edge), edge, p)[0]
         group = (block << 6) + k
         if found == FREE:
             for word in range(group << 6, (group + 1) << 6):
@@ -285,8 +335,9 @@ def carve(pyramid_lines: LongVector, look_lines: LongVector) -> None:
     camera, lattice = look.camera, look.lattice
     offsets = numba.carray(stack(192), (192,), np.float64)
     write_offsets(camera, lattice.cell, offsets)
+    write_side_extents(p, camera)
     edge = BLOCK_SIDE * lattice.cell
     for block in range(lattice.blocks * lattice.blocks * lattice.blocks):
         corner = corner_of(place_of_block(block, lattice.blocks), BLOCK_SIDE, lattice)
-        if decide(camera, middle_of(corner, edge), edge, p) != HIDDEN:
+        if decide(camera, middle_of(corner, edge), edge, p)[0] != HIDDEN:
             carve_block(block, corner, lattice.cell, offsets, p, look)

@@ -76,6 +76,8 @@ class Camera:
         centre: Column and row of the principal point; a pixel's middle has whole
             numbers [pixels].
         reach: Depth up to which space is freed [m].
+        side_extents: How far a cube with a half edge of 1 m extends along the normals
+            of the sides of the view [pixels · m].
     """
 
     axes: Annotated[NDArray[np.float64], (3, 3)]
@@ -83,6 +85,7 @@ class Camera:
     focal: Annotated[NDArray[np.float64], (2,)]
     centre: Annotated[NDArray[np.float64], (2,)]
     reach: float
+    side_extents: Annotated[NDArray[np.float64], (4,)]
 
 
 @table

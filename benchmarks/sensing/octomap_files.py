@@ -1,4 +1,4 @@
-"""Trees of OctoMap, written for tests."""
+"""Trees of OctoMap, written cell by cell."""
 
 import numpy as np
 
