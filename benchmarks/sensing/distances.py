@@ -18,7 +18,7 @@ CELL, LIMITS = 0.01, (0.1, 0.15, 0.3)
 # A forearm.
 CAPSULE = ag.Capsule(start=(0, 0, -0.15), end=(0, 0, 0.15), radius=0.06)
 
-PATHS, STEPS, PEER_QUERIES = 200, 100, 60
+PATHS, STEPS, CHECKED, PEER_QUERIES = 200, 100, 1000, 200
 
 # A capsule moves by this between two queries of a path [m, rad].
 STEP, TURN = 0.002, 0.01
@@ -75,6 +75,39 @@ def rate(cells: ag.CellMap, poses: Floats, limit: float) -> dict[str, float]:
     }
 
 
+def segment_gaps(start: Floats, way: Floats, lows: Floats) -> Floats:
+    """Distance of a segment to each of some cells [m], by bisection of its slope."""
+    t0, t1 = np.zeros(len(lows)), np.ones(len(lows))
+
+    def apart(t: Floats) -> Floats:
+        point = start + t[:, None] * way
+        return point - np.clip(point, lows, lows + CELL)
+
+    for _ in range(60):
+        t = 0.5 * (t0 + t1)
+        rises = apart(t) @ way > 0.0
+        t0, t1 = np.where(rises, t0, t), np.where(rises, t, t1)
+    ends = [apart(t) for t in (0.0 * t0, 0.0 * t0 + 1.0, t0, t1)]
+    return np.min([np.linalg.norm(a, axis=1) for a in ends], axis=0)
+
+
+def against_all(cells: ag.CellMap, poses: Floats) -> dict[str, float]:
+    """Greatest difference from the least distance of all cells, each by itself [m]."""
+    lows = cells.middles(np.argwhere(cells.occupied())) - 0.5 * CELL
+    found = cells.distances(CAPSULE, poses, 1.0).distance + CAPSULE.radius
+    worst = 0.0
+    for T, mine in zip(poses, found, strict=True):
+        start, end = np.array([CAPSULE.start, CAPSULE.end]) @ T[:3, :3].T + T[:3, 3]
+        way = end - start
+        apart = lows + 0.5 * CELL - start
+        along = np.clip(apart @ way / (way @ way), 0.0, 1.0)
+        middles = np.linalg.norm(apart - along[:, None] * way, axis=1)
+        # A cell is nearer than its middle by half its diagonal at most.
+        near = lows[middles - CELL < middles.min() + CELL]
+        worst = max(worst, abs(segment_gaps(start, way, near).min() - mine))
+    return {"queries": len(poses), "greatest_difference": worst}
+
+
 def beside_fcl(cells: ag.CellMap, poses: Floats) -> dict[str, float]:
     """Time of a query of FCL's octree, and how far its distances are from ours."""
     still = fcl.CollisionObject(fcl.OcTree(CELL, body_of(cells.occupied())))
@@ -110,5 +143,6 @@ def measure(images: list[DepthImage]) -> dict[str, Any]:
         "queries": len(along),
         "along": {str(limit): rate(cells, along, limit) for limit in LIMITS},
         "mixed": {str(limit): rate(cells, mixed, limit) for limit in LIMITS},
+        "brute_force": against_all(cells, mixed[:CHECKED]),
         "fcl": beside_fcl(cells, mixed[:PEER_QUERIES]),
     }

@@ -62,6 +62,8 @@ def test_a_map_of_wrong_numbers_is_refused(arguments, match):
         ({"focal": 0.0}, "focal"),
         ({"focal": (1.0, np.nan)}, "focal"),
         ({"centre": (1.0, np.inf)}, "centre"),
+        ({"centre": 3.0j}, "centre"),
+        ({"centre": (1.0, 2.0, 3.0)}, "centre"),
         ({"stamp": np.nan}, "stamp"),
         ({"reach": 0.0}, "reach"),
         ({"reach": np.nan}, "reach"),

@@ -118,11 +118,10 @@ class CellMap(CellView):
             CellMapError: The image or a number is not as above.
         """
         T = checked_pose("T_world_camera", T_world_camera)
-        focals = np.broadcast_to(np.asarray(focal, dtype=np.float64), 2)
-        middle = np.asarray(centre, dtype=np.float64)
-        if not (np.isfinite(focals).all() and (focals > 0.0).all()):
+        focals, middle = pair_of("focal", focal), pair_of("centre", centre)
+        if not all(0.0 < one < inf for one in focals):
             raise CellMapError(f"focal is {focal}; it must be positive [pixels]")
-        if middle.shape != (2,) or not np.isfinite(middle).all():
+        if not isfinite(sum(middle)):
             raise CellMapError(f"centre is {centre}; it must be two finite numbers")
         check_frame(stamp, reach, error)
         depths = depths_of(image)
@@ -160,8 +159,8 @@ class CellMap(CellView):
             PoseError: The transform is not rigid.
             CellMapError: The frame or a number is not as above.
         """
-        angles = np.broadcast_to(np.asarray(view, dtype=np.float64), 2)
-        if not ((angles > 0.0).all() and (angles < np.pi).all()):
+        angles = pair_of("view", view)
+        if not all(0.0 < angle < np.pi for angle in angles):
             raise CellMapError(f"view is {view}; it must be within 0 and pi [rad]")
         depths = depths_of(distance)
         rows, columns = depths.shape
@@ -324,6 +323,21 @@ class CellMap(CellView):
             raise_arrivals(
                 float(stamp), edge_time, self._frame.lines, self._evidence.lines
             )
+
+
+def pair_of(name: str, given: float | tuple[float, float]) -> tuple[float, float]:
+    """Numbers along columns and rows, or one for both.
+
+    Raises:
+        CellMapError: It is neither.
+    """
+    try:
+        if isinstance(given, int | float):
+            return float(given), float(given)
+        first, second = given
+        return float(first), float(second)
+    except (TypeError, ValueError):
+        raise CellMapError(f"{name} is {given!r}; it must be two numbers") from None
 
 
 def checked_pose(name: str, pose: Pose | ArrayLike) -> Floats:

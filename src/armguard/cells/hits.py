@@ -14,30 +14,32 @@ MOST_PARTS = 64
 
 
 @kernel
-def hit(cell: int, sure: bool, lattice: Lattice, out: Look) -> None:
-    """Note points in a cell.
+def hit(cell: int, sure: bool, blocks: int, out: Look) -> None:
+    """Note a point in a cell.
 
     Args:
-        cell: x + side · (y + side · z) for the cell (x, y, z); none if it is negative.
-        sure: Whether these points are enough.
-        lattice: Place of the cells.
+        cell: Code of the cell, see `cell_at`; none if it is negative.
+        sure: Whether one point is enough; otherwise two are needed.
+        blocks: Blocks along an edge of the cube.
         out: The frame.
     """
     if cell < 0:
         return
-    side = lattice.side
-    x, y, z = cell % side, cell // side % side, cell // (side * side)
-    word = word_at(x >> 2, y >> 2, z >> 2, lattice.blocks)
+    x, y, z = cell & 1023, cell >> 10 & 1023, cell >> 20
+    word = word_at(x >> 2, y >> 2, z >> 2, blocks)
     one = bit(((z & 3) << 4) + ((y & 3) << 2) + (x & 3))
     touch(word, out)
-    if sure or out.hits[word] & one != 0:
-        out.sure[word] |= one
-    out.hits[word] |= one
+    before = out.hits[word]
+    # No branch: whether a pixel is the first one in its cell cannot be predicted.
+    out.sure[word] |= one if sure else before & one
+    out.hits[word] = before | one
 
 
 @kernel
 def cell_at(x: float, y: float, z: float, side: int) -> int:
-    """Cell of a point, see `hit`; -1 outside the cube, also for NaN.
+    """Code of a point's cell: ten bits for its place along x, y and z each.
+
+    It is -1 outside the cube, also for NaN.
 
     Args:
         x: Place of the point from the lower corner of the cube [cells].
@@ -47,7 +49,7 @@ def cell_at(x: float, y: float, z: float, side: int) -> int:
     """
     if not (0.0 <= x < side and 0.0 <= y < side and 0.0 <= z < side):
         return -1
-    return (int(z) * side + int(y)) * side + int(x)
+    return int(z) << 20 | int(y) << 10 | int(x)
 
 
 @kernel(inline=False)
@@ -80,7 +82,7 @@ def hit_area(
             x = ox + s * a[0] + t * b[0] + depth * c[0]
             y = oy + s * a[1] + t * b[1] + depth * c[1]
             z = oz + s * a[2] + t * b[2] + depth * c[2]
-            hit(cell_at(x, y, z, lattice.side), True, lattice, out)
+            hit(cell_at(x, y, z, lattice.side), True, lattice.blocks, out)
 
 
 @kernel(inline=False)
@@ -88,17 +90,17 @@ def hit_row(
     i: int, depths: Singles, single: bool, camera: Camera, lattice: Lattice, out: Look
 ) -> None:
     """Note the cells of a row of pixels; see `hit_pixels`."""
-    scale, side = 1.0 / lattice.cell, lattice.side
+    # Copies: the compiler cannot see that the words written do not overlap the records.
+    scale, side, blocks = 1.0 / lattice.cell, lattice.side, lattice.blocks
     t = (i - camera.centre[1]) / camera.focal[1]
     a, b, c = camera.axes[0], camera.axes[1], camera.axes[2]
+    ax, ay, az = a[0], a[1], a[2]
     bx, by, bz = t * b[0] + c[0], t * b[1] + c[1], t * b[2] + c[2]
     ox = (camera.origin[0] - lattice.low[0]) * scale
     oy = (camera.origin[1] - lattice.low[1]) * scale
     oz = (camera.origin[2] - lattice.low[2]) * scale
-    per_pixel = 1.0 / camera.focal[0]
+    middle, per_pixel = camera.centre[0], 1.0 / camera.focal[0]
     most = min(camera.focal[0], camera.focal[1])
-    # Pixels that follow each other and lie in one cell are noted together.
-    last, count = -1, 0
     for j in range(depths.shape[0]):
         depth = float(depths[j])
         if depth <= 0.0:
@@ -108,17 +110,12 @@ def hit_row(
             parts = min(int(np.ceil(depth / most)), MOST_PARTS)
             hit_area(i, j, depth, parts, camera, lattice, out)
             continue
-        s = (j - camera.centre[0]) * per_pixel
-        x = ox + depth * (s * a[0] + bx)
-        y = oy + depth * (s * a[1] + by)
-        z = oz + depth * (s * a[2] + bz)
-        cell = cell_at(x, y, z, side)
-        if cell != last:
-            hit(last, single or count > 1, lattice, out)
-            last, count = cell, 0
+        s = (j - middle) * per_pixel
+        x = ox + depth * (s * ax + bx)
+        y = oy + depth * (s * ay + by)
+        z = oz + depth * (s * az + bz)
         # Where a cell is less than two pixels wide, one of them is enough.
-        count += 1 if 2.0 * depth <= most else 2
-    hit(last, single or count > 1, lattice, out)
+        hit(cell_at(x, y, z, side), single or 2.0 * depth > most, blocks, out)
 
 
 @kernel(inline=False, entry=True)

@@ -106,6 +106,6 @@ def cast_rays(
         length = norm(way) * lattice.cell
         if not length < inf:
             continue
-        hit(cell_at(end[0], end[1], end[2], lattice.side), True, lattice, look)
+        hit(cell_at(end[0], end[1], end[2], lattice.side), True, lattice.blocks, look)
         share = 1.0 if length <= reach else reach / length
         cross_cells(start, way, share, lattice, look)

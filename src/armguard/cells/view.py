@@ -1,4 +1,4 @@
-"""Claims about cells as a user reads them: what is occupied, and how far that is."""
+"""Claims about cells as a user reads them: occupied and free cells, and distances."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
