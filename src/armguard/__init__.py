@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armguard.batch.checker import Checker
     from armguard.batch.results import NearestPairs, ProvenMotions, Witnesses
+    from armguard.cells.cell_map import CellMap
+    from armguard.cells.view import CellView, NearestCell, NearestCells
     from armguard.errors import (
         ArmguardError,
+        CellMapError,
         GraspError,
         HomeContactError,
         MeshError,
@@ -80,8 +83,11 @@ __version__ = version("armguard")
 _ROOMS = {
     "armguard.batch.checker": ("Checker",),
     "armguard.batch.results": ("NearestPairs", "ProvenMotions", "Witnesses"),
+    "armguard.cells.cell_map": ("CellMap",),
+    "armguard.cells.view": ("CellView", "NearestCell", "NearestCells"),
     "armguard.errors": (
         "ArmguardError",
+        "CellMapError",
         "GraspError",
         "HomeContactError",
         "MeshError",
@@ -147,6 +153,9 @@ __all__ = [
     "Box",
     "BruteForce",
     "Capsule",
+    "CellMap",
+    "CellMapError",
+    "CellView",
     "Checker",
     "Client",
     "Command",
@@ -167,6 +176,8 @@ __all__ = [
     "MeshError",
     "ModelError",
     "NearPair",
+    "NearestCell",
+    "NearestCells",
     "NearestPairs",
     "Octree",
     "OctreeError",

@@ -105,6 +105,10 @@ class OctreeError(ArmguardError, ValueError):
     """An octree cannot have the requested settings."""
 
 
+class CellMapError(ArmguardError, ValueError):
+    """A map of cells, its frame or its file is not as required."""
+
+
 class StationError(ArmguardError):
     """The service, or a process beside it, cannot do what a caller requests."""
 

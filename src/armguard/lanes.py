@@ -104,7 +104,7 @@ def item(array: Any, place: int) -> Any:
 
 
 def pick(array: Any, places: Any) -> Any:
-    """Bytes of a contiguous array at whole numbers, which must be within it."""
+    """Bytes or single floats of an array at whole numbers, which must be within it."""
     return array[places.astype(np.int64)].astype(np.float64)
 
 
@@ -113,14 +113,14 @@ def bits(mask: Any) -> int:
     return int(np.packbits(mask, bitorder="little")[0])
 
 
-def lowest(number: int) -> int:
+def lowest(number: Any) -> int:
     """Place of the lowest bit of a number above 0."""
-    return (number & -number).bit_length() - 1
+    return (int(number) & -int(number)).bit_length() - 1
 
 
-def ones(number: int) -> int:
+def ones(number: Any) -> int:
     """Count of the bits of a number that are set."""
-    return number.bit_count()
+    return int(number).bit_count()
 
 
 def splat(number: Any) -> Any:
@@ -255,15 +255,16 @@ define_unary(
     MASK,
     types.int64,
 )
-define_unary(
-    lowest,
-    lambda builder, number: builder.cttz(number, ir.Constant(ir.IntType(1), 1)),
-    types.int64,
-    types.int64,
-)
-define_unary(
-    ones, lambda builder, number: builder.ctpop(number), types.int64, types.int64
-)
+for integer in (types.int64, types.uint64):
+    define_unary(
+        lowest,
+        lambda builder, number: builder.cttz(number, ir.Constant(ir.IntType(1), 1)),
+        integer,
+        types.int64,
+    )
+    define_unary(
+        ones, lambda builder, number: builder.ctpop(number), integer, types.int64
+    )
 define_unary(
     splat,
     lambda builder, number: widened(builder, types.float64, number),
@@ -329,6 +330,8 @@ def item_code(_typing: Any, array: Any, place: Any) -> Any:
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         data = make_array(sign.args[0])(context, builder, values[0]).data
         value = builder.load(builder.gep(data, [values[1]]))
+        if array.dtype == types.float32:
+            return builder.fpext(value, ir.DoubleType())
         if not whole or value.type.width == 64:
             return value
         longer = builder.sext if array.dtype.signed else builder.zext
@@ -350,17 +353,19 @@ def item_chosen(array: Any, place: Any) -> Any:
 @intrinsic  # type: ignore[untyped-decorator]
 def pick_code(_typing: Any, array: Any, places: Any) -> Any:
     """Eight scalar reads."""
+    single = array.dtype == types.float32
+    element = ir.FloatType() if single else ir.IntType(8)
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         data = make_array(sign.args[0])(context, builder, values[0]).data
         whole = builder.fptosi(values[1], ir.VectorType(ir.IntType(32), WIDTH))
-        found = ir.Constant(ir.VectorType(ir.IntType(8), WIDTH), ir.Undefined)
+        found = ir.Constant(ir.VectorType(element, WIDTH), ir.Undefined)
         for lane in range(WIDTH):
             at = ir.Constant(ir.IntType(32), lane)
             place = builder.extract_element(whole, at)
             value = builder.load(builder.gep(data, [place]))
             found = builder.insert_element(found, value, at)
-        return builder.uitofp(found, VECTOR)
+        return (builder.fpext if single else builder.uitofp)(found, VECTOR)
 
     return LANES(array, places), generate
 

@@ -1,0 +1,1 @@
+"""Maps of cells beside OctoMap and FCL: rates, and the images for them."""

@@ -1,0 +1,54 @@
+"""Maps of cells beside OctoMap and FCL; writes docs/sensing.json and docs/sensing.md.
+
+make sensing ARGS=FOLDER    with the recorded images of a folder, see `sensing.images`
+make sensing                with computed images alone
+make sensing ARGS=--page    the page from the last results
+make sensing ARGS=--json    figures of computed images to standard output
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from pages import DOCS, rendered
+from sensing import distances, rates
+from sensing.images import recorded, room
+from timing import describe_machine, version_of
+
+RESULTS = DOCS / "sensing.json"
+
+PEERS = ("octomap-python", "python-fcl")
+
+
+def measured(folders: list[str]) -> dict[str, Any]:
+    """All figures."""
+    images = [image for folder in folders for image in recorded(Path(folder))]
+    images.append(room())
+    found = {
+        "machine": describe_machine(),
+        "peers": {name: version_of(name) for name in PEERS},
+        "rates": rates.measure(images),
+        "distances": distances.measure(images),
+    }
+    if found["peers"]["octomap-python"] is None:
+        print(rates.PEER_MISSING, file=sys.stderr)
+    return found
+
+
+def main() -> None:
+    """Measure, unless only the page is wanted, and write."""
+    folders = [one for one in sys.argv[1:] if not one.startswith("--")]
+    if "--json" in sys.argv:
+        print(json.dumps(measured(folders), indent=1))
+        return
+    if "--page" not in sys.argv:
+        text = json.dumps(measured(folders), indent=1)
+        RESULTS.write_text(text + "\n", encoding="utf-8")
+    figures = json.loads(RESULTS.read_text(encoding="utf-8"))
+    (DOCS / "sensing.md").write_text(rendered("sensing", **figures), encoding="utf-8")
+    print("wrote docs/sensing.md")
+
+
+if __name__ == "__main__":
+    main()

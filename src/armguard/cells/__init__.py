@@ -1,0 +1,1 @@
+"""A map of cells that depth sensors fill, and distances to its cells."""

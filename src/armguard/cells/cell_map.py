@@ -1,0 +1,383 @@
+"""A map of cells that depth sensors fill."""
+
+from collections.abc import Iterable, Iterator
+from math import inf, isfinite, tan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armguard.cells.arrival import raise_arrivals
+from armguard.cells.carve import carve
+from armguard.cells.deltas import Delta, take_deltas
+from armguard.cells.evidence import settle
+from armguard.cells.grid import packed
+from armguard.cells.hits import hit_pixels
+from armguard.cells.masks import clear_masks, mask_shape
+from armguard.cells.octomap import add_boxes, read_leaves
+from armguard.cells.pyramid import Pyramid, empty_pyramid, fill_pyramid
+from armguard.cells.rays import cast_rays
+from armguard.cells.state import ARRIVAL_SIDE, empty_evidence, empty_look
+from armguard.cells.view import CellView, arrays_of
+from armguard.errors import CellMapError
+from armguard.geometry.pose import Pose, check_transform, transform_of
+from armguard.geometry.shapes import HalfSpace, Shape, shape_row
+from armguard.record import Records, records
+from armguard.table import Ledger
+
+Floats = NDArray[np.float64]
+
+# Sums of shares of cells are rounded [-].
+ROUND_OFF = 1e-4
+
+# Sizes of images for which room is kept.
+MOST_IMAGE_SIZES = 8
+
+
+class CellMap(CellView):
+    """Cells of a cube, filled by depth images, zones and points.
+
+    A cell is known free once a sensor has looked through all of it: every pixel that it
+    may cover lies behind it. A measured point in a cell is a hit. A hit adds 2 to the
+    evidence of a cell, a pass takes off 1, within 0 and 7; a cell with at least 2 is
+    occupied. What no sensor has seen is unknown: a map that was never fed frees
+    nothing.
+
+    Attributes:
+        intruder_speed: Speed at which something unknown may move [m/s]; None for maps
+            without arrival times.
+        settles: Time after which cells that appeared in free space are still [s].
+        evidence: State: see `armguard.cells.state.Evidence`.
+
+    Args:
+        centre: Middle of the cube, world [m].
+        cell: Edge of a cell [m].
+        size: Cells along an edge of the cube: 64, 128, 256 or 512.
+        intruder_speed: See above; 0 for an intruder that does not move.
+        settles: See above.
+
+    Raises:
+        CellMapError: A number is out of its range.
+
+    Example:
+        >>> import numpy as np
+        >>> import armguard as ag
+        >>> cells = ag.CellMap(centre=(0, 0, 1), cell=0.02, size=64)
+        >>> wall = np.full((120, 160), 1.2)
+        >>> cells.depth(wall, np.eye(4), focal=130, centre=(79.5, 59.5), stamp=0.0)
+        >>> ball = ag.Sphere(radius=0.1)
+        >>> round(cells.distance(ball, ag.Pose(xyz=(0, 0, 0.9)), limit=0.5).distance, 2)
+        0.2
+    """
+
+    def __init__(
+        self, centre: ArrayLike, cell: float, size: int = 256, *,
+        intruder_speed: float | None = None, settles: float = 0.5,
+    ) -> None:  # fmt: skip
+        super().__init__(centre, cell, size)
+        if intruder_speed is not None and not 0.0 <= intruder_speed < inf:
+            raise CellMapError(
+                f"intruder_speed is {intruder_speed}; it must be at least 0 [m/s]"
+            )
+        if not 0.0 <= settles < inf:
+            raise CellMapError(f"settles is {settles}; it must be at least 0 [s]")
+        self.intruder_speed, self.settles = intruder_speed, float(settles)
+        words = len(self.claims.stamp)
+        blocks = 0 if intruder_speed is None else words // 8
+        self.evidence = empty_evidence(words, blocks)
+        self._look = empty_look(self.claims.lattice, words, blocks)
+        self._evidence, self._frame = Ledger(self.evidence), Ledger(self._look)
+        self._images: dict[tuple[int, int], tuple[Pyramid, Ledger]] = {}
+
+    def depth(
+        self, image: ArrayLike, T_world_camera: Pose | ArrayLike,
+        focal: float | tuple[float, float], centre: tuple[float, float], stamp: float,
+        *, reach: float = inf, error: float = 0.0, single: bool = False,
+    ) -> None:  # fmt: skip
+        """Take a depth image of a pinhole camera.
+
+        Depths are perpendicular to the image's plane. A pixel that is not a positive
+        finite number is invalid: it frees nothing and hits nothing.
+
+        Args:
+            image: Depths, shape (rows, columns): floats [m] or integers [mm].
+            T_world_camera: Frame of the camera in the world: x along the columns, y
+                along the rows, z along the line of sight.
+            focal: Focal lengths along columns and rows, or one for both [pixels].
+            centre: Column and row of the principal point; pixels have their middles at
+                whole numbers [pixels].
+            stamp: Time of the image [s].
+            reach: Depth up to which space is freed [m].
+            error: Greatest error of the pose, for the claims that follow [m].
+            single: Whether one pixel in a cell is a hit. Otherwise two are needed,
+                where a cell is at least two pixels wide.
+
+        Raises:
+            PoseError: The transform is not rigid.
+            CellMapError: The image or a number is not as above.
+        """
+        T = checked_pose("T_world_camera", T_world_camera)
+        focals, middle = pair_of("focal", focal), pair_of("centre", centre)
+        if not all(0.0 < one < inf for one in focals):
+            raise CellMapError(f"focal is {focal}; it must be positive [pixels]")
+        if not isfinite(sum(middle)):
+            raise CellMapError(f"centre is {centre}; it must be two finite numbers")
+        check_frame(stamp, reach, error)
+        depths = depths_of(image)
+        pyramid = self._room_for(depths.shape)
+        camera: Any = self._look.camera
+        camera["axes"], camera["origin"] = T[:3, :3].T, T[:3, 3]
+        camera["focal"], camera["centre"] = focals, middle
+        camera["reach"] = reach
+        fill_pyramid(depths.reshape(-1), pyramid.lines)
+        carve(pyramid.lines, self._frame.lines)
+        hit_pixels(single, pyramid.lines, self._frame.lines)
+        self._settle(stamp, error)
+
+    def zones(
+        self, distance: ArrayLike, T_world_sensor: Pose | ArrayLike,
+        view: float | tuple[float, float], stamp: float, *,
+        reach: float = inf, error: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Take a frame of a sensor with a few zones, such as 8 × 8 of time of flight.
+
+        A zone is a wide pixel: it hits the cells of its whole area at its distance, by
+        points that are no farther apart than a cell. It frees a cell only if all zones
+        that the cell may be in lie behind it.
+
+        Args:
+            distance: Perpendicular distances of the zones, shape (rows, columns):
+                floats [m] or integers [mm]; NaN or 0 where a zone is not valid.
+            T_world_sensor: Frame of the sensor in the world, as for `depth`.
+            view: Angles of view along columns and rows, or one for both [rad].
+            stamp: Time of the frame [s].
+            reach: Distance up to which space is freed [m].
+            error: Greatest error of the pose [m].
+
+        Raises:
+            PoseError: The transform is not rigid.
+            CellMapError: The frame or a number is not as above.
+        """
+        angles = pair_of("view", view)
+        if not all(0.0 < angle < np.pi for angle in angles):
+            raise CellMapError(f"view is {view}; it must be within 0 and pi [rad]")
+        depths = depths_of(distance)
+        rows, columns = depths.shape
+        focal = (0.5 * columns / tan(angles[0] / 2), 0.5 * rows / tan(angles[1] / 2))
+        middle = (0.5 * (columns - 1), 0.5 * (rows - 1))
+        self.depth(
+            depths, T_world_sensor, focal, middle, stamp,
+            reach=reach, error=error, single=True,
+        )  # fmt: skip
+
+    def points(
+        self, points: ArrayLike, origin: ArrayLike, stamp: float, *,
+        reach: float = inf, error: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Take sparse points, each with a ray from the sensor.
+
+        A cell that a ray crosses is passed, though the ray fills little of it. Limit
+        `reach` to where rays are as dense as cells, or free nothing by 0.
+
+        Args:
+            points: Measured points, world, shape (n, 3) [m]; one that is not finite is
+                left out.
+            origin: Place of the sensor, world, shape (3,) [m].
+            stamp: Time of the points [s].
+            reach: Distance from the origin up to which space is freed [m].
+            error: Greatest error of the points' frame [m].
+
+        Raises:
+            CellMapError: The points or a number are not as above.
+        """
+        rows = np.ascontiguousarray(points, dtype=np.float64)
+        start = np.ascontiguousarray(origin, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] != 3:
+            raise CellMapError(f"points have shape {rows.shape}; it must be (n, 3)")
+        if start.shape != (3,) or not np.isfinite(start).all():
+            raise CellMapError(f"origin is {origin!r}; it must be three finite numbers")
+        check_frame(stamp, reach, error, least_reach=0.0)
+        cast_rays(rows, start, float(reach), self._frame.lines)
+        self._settle(stamp, error)
+
+    def own(
+        self, placed: Iterable[tuple[Shape, Pose | ArrayLike]], *,
+        error: float = 0.0, shell: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Set the shapes of own links for the frames that follow.
+
+        Cells surely inside them are passed by every frame: no other body is there.
+        Other cells that they may touch keep what they have. Sensors decide on the rest.
+
+        Args:
+            placed: Shapes, each with its frame in the world; none to set nothing.
+            error: How far a link's surface may be within its shape [m].
+            shell: How far it may be outside it [m].
+
+        Raises:
+            PoseError: A transform is not rigid.
+            CellMapError: A length is negative or not finite, or a shape has no end.
+        """
+        for name, value in (("error", error), ("shell", shell)):
+            if not 0.0 <= value < inf:
+                raise CellMapError(f"{name} is {value}; it must be at least 0 [m]")
+        rows = []
+        for shape, pose in placed:
+            if isinstance(shape, HalfSpace):
+                raise CellMapError("a half-space is no link")
+            rows.append((int(shape.kind), shape_row(shape, checked_pose("pose", pose))))
+        clear_masks(self._frame.lines)
+        for kind, row in rows:
+            mask_shape(kind, row, float(error), float(shell), self._frame.lines)
+
+    def own_cells(self) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """Words of the cells inside own links, and of those that they may touch."""
+        return self._look.inside.copy(), self._look.shell.copy()
+
+    def read_octomap(self, path: str | Path, stamp: float) -> None:
+        """Take the leaves of a tree of OctoMap, a `.bt` file, as one frame.
+
+        A cell that an occupied leaf meets is hit; one that free leaves fill is passed.
+
+        Args:
+            path: The file; its frame is the world.
+            stamp: Time of its claims [s].
+
+        Raises:
+            CellMapError: It cannot be read, or is no such tree.
+        """
+        check_frame(stamp, inf, 0.0)
+        boxes, occupied = read_leaves(Path(path))
+        boxes[:, :3] -= self.centre - 0.5 * self.size * self.cell
+        boxes /= self.cell
+        # Faces on those of cells must not fill the neighbours by rounding.
+        filled = [np.zeros(self.size**3, dtype=np.float32) for _ in range(2)]
+        for chosen, out in zip((occupied, ~occupied), filled, strict=True):
+            add_boxes(np.ascontiguousarray(boxes[chosen]), out)
+        edges = (self.size,) * 3
+        hit, free = (out.reshape(edges).transpose() for out in filled)
+        look = self._look
+        look.hits[:] = look.sure[:] = packed(hit > ROUND_OFF)
+        look.passes[:] = packed((free > 1.0 - ROUND_OFF) & (hit <= ROUND_OFF))
+        touched = np.flatnonzero(look.hits | look.passes)
+        look.touched[: len(touched)] = touched
+        notes: Any = look.notes
+        notes["touched"] = len(touched)
+        self._settle(stamp, 0.0)
+
+    def take_deltas(self, most: int = 512) -> Records[Delta]:
+        """Changes since they were last taken, for `CellView.apply`.
+
+        Words with new occupied cells come first. Once none is left, a view that took
+        all of them has the claims of this map to the bit.
+
+        Args:
+            most: Greatest count of changes.
+        """
+        out = records(most, Delta)
+        count = take_deltas(self._claims.lines, self._evidence.lines, out)
+        changes: Records[Delta] = out[:count]
+        return changes
+
+    def arrivals(self) -> Floats:
+        """Time before which nothing can be in each block of 8³ cells.
+
+        Returns:
+            Shape (size / 8,) · 3, by x, y, z; minus infinity where something may be at
+            any time [s].
+
+        Raises:
+            CellMapError: The map has no intruder speed.
+        """
+        if self.intruder_speed is None:
+            raise CellMapError("a map without intruder_speed has no arrival times")
+        side = self.size // ARRIVAL_SIDE
+        return self.evidence.arrival.reshape((side,) * 3).transpose().copy()
+
+    def _arrays(self) -> Iterator[NDArray[Any]]:
+        """Arrays of the state; the first one is the lattice."""
+        yield from super()._arrays()
+        yield from arrays_of(self.evidence)
+
+    def _room_for(self, shape: tuple[int, int]) -> Ledger:
+        """Room for an image of this shape."""
+        if shape not in self._images:
+            if len(self._images) == MOST_IMAGE_SIZES:
+                self._images.clear()
+            pyramid = empty_pyramid(*shape)
+            self._images[shape] = pyramid, Ledger(pyramid)
+        return self._images[shape][1]
+
+    def _settle(self, stamp: float, error: float) -> None:
+        """Turn a frame into claims."""
+        # Rounded up: a claim must not be better than its pose.
+        above = np.nextafter(np.float32(error), np.float32(inf))
+        settle(
+            float(stamp), float(above if error > 0.0 else 0.0), self.settles,
+            self._frame.lines, self._evidence.lines, self._claims.lines,
+        )  # fmt: skip
+        if self.intruder_speed is not None:
+            edge = ARRIVAL_SIDE * self.cell
+            edge_time = edge / self.intruder_speed if self.intruder_speed else inf
+            raise_arrivals(
+                float(stamp), edge_time, self._frame.lines, self._evidence.lines
+            )
+
+
+def pair_of(name: str, given: float | tuple[float, float]) -> tuple[float, float]:
+    """Numbers along columns and rows, or one for both.
+
+    Raises:
+        CellMapError: It is neither.
+    """
+    try:
+        if isinstance(given, int | float):
+            return float(given), float(given)
+        first, second = given
+        return float(first), float(second)
+    except (TypeError, ValueError):
+        raise CellMapError(f"{name} is {given!r}; it must be two numbers") from None
+
+
+def checked_pose(name: str, pose: Pose | ArrayLike) -> Floats:
+    """A finite pose as a transform, shape (4, 4).
+
+    Raises:
+        PoseError: It is no rigid transform.
+    """
+    return transform_of(pose) if isinstance(pose, Pose) else check_transform(name, pose)
+
+
+def check_frame(
+    stamp: float, reach: float, error: float, least_reach: float | None = None
+) -> None:
+    """Refuse numbers of a frame that are out of their range.
+
+    Raises:
+        CellMapError: A number is.
+    """
+    if not isfinite(stamp):
+        raise CellMapError(f"stamp is {stamp}; it must be finite [s]")
+    if not (reach > 0.0 or reach == least_reach):
+        raise CellMapError(f"reach is {reach}; it must be positive [m]")
+    if not 0.0 <= error < inf:
+        raise CellMapError(f"error is {error}; it must be at least 0 [m]")
+
+
+def depths_of(image: ArrayLike) -> NDArray[np.float32]:
+    """Depths as single floats, by rows [m]: floats are metres, integers millimetres.
+
+    Raises:
+        CellMapError: It has no rows and columns of numbers.
+    """
+    found = np.asarray(image)
+    if found.ndim != 2 or found.size == 0 or found.dtype.kind not in "fiu":
+        raise CellMapError(
+            f"the image has shape {found.shape} of {found.dtype}; it must have rows "
+            "and columns of floats [m] or integers [mm]"
+        )
+    if found.dtype.kind in "iu":
+        found = found.astype(np.float32) * np.float32(1e-3)
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(found, dtype=np.float32)

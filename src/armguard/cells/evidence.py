@@ -1,0 +1,132 @@
+"""Evidence of cells: hits and passes of a frame become claims."""
+
+import numpy as np
+
+from armguard.cells.deltas import push
+from armguard.cells.state import (
+    ALL,
+    NONE,
+    Claims,
+    Evidence,
+    Look,
+    Motion,
+)
+from armguard.cells.words import place_of_word, put_word, touch
+from armguard.kernel import kernel
+from armguard.lanes import ones
+from armguard.table import LongVector, opener
+
+STILL, MOVING = int(Motion.STILL), int(Motion.MOVING)
+
+claims_of, evidence_of, look_of = opener(Claims), opener(Evidence), opener(Look)
+
+
+@kernel
+def count(word: int, hit: np.uint64, passed: np.uint64, out: Evidence) -> None:
+    """Add 2 to the evidence of hit cells, take 1 from that of passed ones.
+
+    Args:
+        word: The word.
+        hit: Its cells that are hit.
+        passed: Its cells that are passed, none of which is hit.
+        out: Evidence, kept within 0 and 7.
+    """
+    a, b, c = out.ones[word], out.twos[word], out.fours[word]
+    carry = b & hit
+    above = c & carry
+    b, c = b ^ hit, c ^ carry
+    a, b, c = a | above, b | above, c | above
+    less = (a | b | c) & passed
+    a = a ^ less
+    borrow = less & a
+    b = b ^ borrow
+    c = c ^ (borrow & b)
+    out.ones[word], out.twos[word], out.fours[word] = a, b, c
+
+
+@kernel
+def settle_word(
+    word: int, stamp: float, error: float, settles: float,
+    look: Look, evidence: Evidence, out: Claims,
+) -> np.uint64:  # fmt: skip
+    """Turn the hits and passes of a word into claims; see `settle`.
+
+    Returns:
+        Cells that were passed.
+    """
+    inside, shell = look.inside[word], look.shell[word]
+    hit = look.sure[word] & ~(inside | shell)
+    passed: np.uint64 = look.passes[word] & ~(shell | look.hits[word]) | inside
+    look.notes.hit += ones(hit)
+    look.notes.passed += ones(passed)
+    look.hits[word] = look.sure[word] = look.passes[word] = NONE
+    looked = hit | passed
+    if looked == 0:
+        return passed
+    count(word, hit, passed, evidence)
+    occupied_before, unknown_before = out.occupied.words[word], out.unknown.words[word]
+    occupied = evidence.twos[word] | evidence.fours[word]
+    unknown = unknown_before & ~(passed | occupied)
+    new = occupied & ~occupied_before
+    motion = int(out.motion[word])
+    if new & ~unknown_before != 0:
+        motion = MOVING
+        evidence.appeared[word] = stamp
+    elif occupied == 0 or (hit != 0 and stamp - evidence.appeared[word] >= settles):
+        motion = STILL
+    if looked & ~unknown == ~unknown:
+        at, farthest = stamp, np.float32(error)
+    else:
+        # Some claims are older than this frame, or of a worse pose.
+        at = min(out.stamp[word], stamp)
+        farthest = max(out.error[word], np.float32(error))
+    if (
+        occupied != occupied_before or unknown != unknown_before
+        or motion != out.motion[word]
+        or at != out.stamp[word] or farthest != out.error[word]
+    ):  # fmt: skip
+        if occupied != occupied_before:
+            put_word(word, occupied, out.occupied)
+        if unknown != unknown_before:
+            put_word(word, unknown, out.unknown)
+        out.motion[word] = motion
+        out.stamp[word], out.error[word] = at, farthest
+        push(word, new != 0, evidence)
+    return passed
+
+
+@kernel(inline=False, entry=True)
+def settle(
+    stamp: float, error: float, settles: float,
+    look_lines: LongVector, evidence_lines: LongVector, claims_lines: LongVector,
+) -> None:  # fmt: skip
+    """Turn the hits and passes of a frame into claims, and empty the frame.
+
+    Cells inside own links are passed, for no other body is there. Cells of the shell
+    around them keep what they have: what touches a link stays.
+
+    Args:
+        stamp: Time of the frame [s].
+        error: Error of the pose of its sensor [m].
+        settles: Time after which a cell that appeared is still [s].
+        look_lines: Lines of `Look`; afterwards it has no hits and no passes.
+        evidence_lines: Lines of `Evidence`.
+        claims_lines: Lines of `Claims`.
+    """
+    look, evidence = look_of(look_lines), evidence_of(evidence_lines)
+    claims = claims_of(claims_lines)
+    look.notes.hit = look.notes.passed = 0
+    for k in range(look.notes.masked):
+        word = look.masked[k]
+        if look.inside[word] != 0:
+            touch(word, look)
+            look.passes[word] |= look.inside[word]
+    blocks = claims.lattice.blocks
+    edge = claims.lattice.side // 8
+    for k in range(look.notes.touched):
+        word = look.touched[k]
+        passed = settle_word(word, stamp, error, settles, look, evidence, claims)
+        if passed == ALL and look.seen.shape[0] > 0:
+            x, y, z = place_of_word(word, blocks)
+            look.seen[((z >> 1) * edge + (y >> 1)) * edge + (x >> 1)] += 1
+    look.notes.touched = 0
