@@ -43,7 +43,7 @@ enum { ARMGUARD_STOP_ORDERED = 40, ARMGUARD_RESTARTED = 41 };
 enum { ARMGUARD_HELLO = 1, ARMGUARD_WELCOME = 2, ARMGUARD_STATE = 3, ARMGUARD_COMMAND = 5 };
 enum { ARMGUARD_CLAIM = 7, ARMGUARD_GRANT = 8, ARMGUARD_BYE = 13, ARMGUARD_CHALLENGE = 14 };
 enum { ARMGUARD_ORDER_STOP = 12 };
-/* Causes of a stop by a reflex, see `armguard_obey`. */
+/* Causes of a stop by a reflex, see armguard_obey. */
 enum { ARMGUARD_REFLEX_STOPPED = 16, ARMGUARD_REFLEX_SILENT = 17 };
 
 struct armguard_header {
@@ -121,7 +121,7 @@ struct armguard {
     int64_t reflex_watchdog; /* [ns] */
     int64_t reflex_stamp;    /* of its newest pulse [ns] */
     uint16_t reflex_trip;    /* why it stops the arms; 0 if it does not */
-    int reflex_stopped;      /* it did, and the guard does not wait for `engage` yet */
+    int reflex_stopped;      /* it did, and the guard need not be engaged yet */
     uint8_t out[ARMGUARD_MESSAGE], in[ARMGUARD_MESSAGE];
 };
 
@@ -159,9 +159,9 @@ static inline long armguard_hear(struct armguard *guard, int kind, int64_t until
     }
 }
 
-/* Obeys a reflex of this machine, as its file says: one of `listeners`, `key` and `watchdog`
- * [s]. Call it after `armguard_open`: from then on `armguard_cycle` stops the arms where the
- * reflex does or sends no pulses. 0, or -1 if the port is taken. */
+/* Obeys a reflex of this machine, as its file says: one of the listeners, the key and the
+ * watchdog [s]. Call it after armguard_open: from then on armguard_cycle stops the arms where
+ * the reflex does or sends no pulses. 0, or -1 if the port is taken. */
 static inline int armguard_obey(struct armguard *guard, int listener, const char *key,
                                 double watchdog) {
     struct sockaddr_in at;
@@ -345,7 +345,7 @@ static inline int armguard_cycle(struct armguard *guard, const double *q, const 
         uint16_t stop = armguard_reflex(guard);
         if (stop) {
             guard->reflex_stopped = stop;
-        } else if (guard->reflex_stopped) { /* over when the guard waits for `engage` too */
+        } else if (guard->reflex_stopped) { /* over when the guard has to be engaged too */
             int waits = command.cause == 10 || (command.cause >= 15 && command.cause <= 17);
             if (waits) guard->reflex_stopped = 0;
             else armguard_say(guard, ARMGUARD_ORDER_STOP, 0);

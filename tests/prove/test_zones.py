@@ -117,6 +117,8 @@ def test_a_spent_budget_masks_all_that_is_left():
 
 
 def test_the_frustum_holds_what_a_ray_or_the_axis_measures():
+    _, sensor = looking_along_x(1.0, view=(1.5, 1.0), zones=(3, 2), error=0.03)
+    assert zone_hull(sensor, 0.17, Block(0, 2, 0, 3)).shape.rounding == 0.03
     _, sensor = looking_along_x(1.0, view=(1.5, 1.0), zones=(3, 2))
     hull = zone_hull(sensor, 0.2, Block(0, 2, 0, 3)).shape
     points = np.asarray(hull.points)
