@@ -16,8 +16,6 @@ from armguard.chaos.table import FAULTS
 from armguard.cli.console import (
     CLEAR,
     Json,
-    Late,
-    Rate,
     SceneName,
     compile_kernels,
     out,
@@ -43,8 +41,11 @@ def chaos(
     list_faults: Annotated[
         bool, Option("--list", help="List the faults and inject none.")
     ] = False,
-    rate: Rate = 250.0,
-    late: Late = 0.012,
+    rate: Annotated[float, typer.Option(help="Rate of the cycles [Hz].")] = 250.0,
+    late: Annotated[
+        float,
+        typer.Option(help="Permitted delay of a cycle beyond its period [s]."),
+    ] = 0.012,
     slack: Annotated[
         float,
         Option(

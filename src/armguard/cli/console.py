@@ -73,13 +73,6 @@ RobotOption = Annotated[
     str | None,
     typer.Option(help="Robot of a MoveIt scene: a URDF file or a bundled robot."),
 ]
-Rate = Annotated[
-    float,
-    typer.Option(help="Rate of the cycles [Hz], in place of the scene's period."),
-]
-Late = Annotated[
-    float, typer.Option(help="Permitted delay of a cycle beyond its period [s].")
-]
 
 
 def with_options(

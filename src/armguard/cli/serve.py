@@ -11,14 +11,13 @@ from typing import Annotated
 from typer import Option
 
 from armguard.cli.console import (
-    Late,
-    Rate,
     SceneName,
     compile_kernels,
     loading_bar,
     say,
     with_options,
 )
+from armguard.scene.file import stated_cycle
 from armguard.scene.settings import CHOICES
 from armguard.service.server import Service, ServiceSettings
 from armguard.service.server.scenes import open_scene
@@ -41,8 +40,20 @@ class Options:
         Path | None,
         Option(help="File with the key of each role; new keys if left out."),
     ] = None
-    rate: Rate = USUAL.rate
-    late: Late = USUAL.late
+    rate: Annotated[
+        float | None,
+        Option(
+            help=f"Rate of the cycles [Hz]; that of the scene's `cycle`, or "
+            f"{USUAL.rate:g}, if left out."
+        ),
+    ] = None
+    late: Annotated[
+        float | None,
+        Option(
+            help="Permitted delay of a cycle beyond its period [s]; that of the "
+            f"scene's `cycle`, or {USUAL.late:g}, if left out."
+        ),
+    ] = None
     wish_watchdog: Annotated[
         float,
         Option(
@@ -98,13 +109,21 @@ class Options:
 
         Raises:
             KeyFileError: The key file cannot be used.
+            SceneFileError: The scene file is wrong.
             ServiceError: A setting is out of its bounds.
         """
         shared = {field.name for field in fields(self)} & {
             field.name for field in fields(ServiceSettings)
         }
+        given = {name: getattr(self, name) for name in shared}
+        stated = stated_cycle(self.scene) if Path(self.scene).is_file() else {}
+        if self.rate is None:
+            period = stated.get("period")
+            given["rate"] = USUAL.rate if period is None else 1.0 / period
+        if self.late is None:
+            given["late"] = stated.get("late", USUAL.late)
         return ServiceSettings(
-            **{name: getattr(self, name) for name in shared},
+            **given,
             keys={} if self.key_file is None else read_keys(self.key_file),
             companions=self.companions(),
         )

@@ -69,6 +69,19 @@ def load_scene(
     return build_scene(source, validated(source), progress)
 
 
+def stated_cycle(path: str | Path) -> dict[str, float]:
+    """The `period` and `late` that a scene file states, by name [s].
+
+    Raises:
+        SceneFileError: The file is wrong.
+    """
+    source = YamlSource(Path(path))
+    if is_moveit_scene(source.values):
+        return {}
+    cycle, stated = validated(source).cycle, source.values.get("cycle") or {}
+    return {name: getattr(cycle, name) for name in ("period", "late") if name in stated}
+
+
 def validated(source: YamlSource) -> SceneModel:
     """The file's values, checked against the grammar.
 
