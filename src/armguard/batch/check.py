@@ -74,8 +74,7 @@ def check_rows(
     spread(p, above)
     spread(p, w)
     spread(p, s.cells)
-    start, length, count = 0, SHORTEST, q.shape[0]
-    whole = q.reshape(-1)
+    start, length, count, whole = 0, SHORTEST, q.shape[0], q.reshape(-1)
     while start < count:
         given, begin = whole, start * q.shape[1]
         if start + length * WIDTH >= count:

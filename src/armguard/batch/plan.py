@@ -259,9 +259,6 @@ def plan_of(tables: SceneTables) -> Plan:
     starts = [first for first, _ in spans]
     moving = sum(first < tables.moving_count for first in starts)
     balls = np.array([[*rows.rows[k][1:4], rows.rows[k][0]] for _, _, k, _ in parts])
-    part = np.full(len(tables.kinds), -1)
-    for k, span in enumerate(spans):
-        part[slice(*span)] = k
     middles = rows.middles(spans[:moving], len(tables.parent))
     spread, sways = rows.sways(spans[:moving], balls, middles)
     bodies = np.array([tables.bodies[first] for first in starts], dtype=np.int32)
@@ -294,7 +291,7 @@ def plan_of(tables: SceneTables) -> Plan:
         ball=np.array(rows.ball, dtype=np.int32),
         hull=np.array(rows.hull, dtype=np.int32),
         spread=spread,
-        part=part.astype(np.int32),
+        part=part_numbers(spans, len(tables.kinds)),
         parts=np.array(parts, dtype=np.int32).reshape(-1, 4),
         sways=sways,
         pairs=pairs,
@@ -314,6 +311,14 @@ def plan_of(tables: SceneTables) -> Plan:
         exact_kinds=tables.exact.kinds,
         exact_rows=turned_exact_rows(tables, turns),
     )
+
+
+def part_numbers(spans: list[tuple[int, int]], count: int) -> Ints:
+    """Part of each of so many primitives, -1 for none, shape (count,)."""
+    part = np.full(count, -1, dtype=np.int32)
+    for k, span in enumerate(spans):
+        part[slice(*span)] = k
+    return part
 
 
 def largest_static_buffers(pairs: Ints, buffers: Floats, moving: int) -> Floats:

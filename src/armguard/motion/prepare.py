@@ -49,9 +49,8 @@ def motion_of(tables: SceneTables, budget: int) -> Motion:
         budget: Greatest number of intervals that a cycle may test.
     """
     m, b, n = tables.moving_count, len(tables.parent), len(tables.q_names)
-    found = chains(tables)
+    found, effort = chains(tables), records((), Effort)
     depth = found.joints.shape[1]
-    effort = records((), Effort)
     effort.budget = budget
     return Motion(
         parent=tables.parent,

@@ -104,10 +104,9 @@ class Client(Exchange):
         """Its socket, for a loop that waits for other inputs too; -1 if it has none.
 
         With it `select`, `poll` and `asyncio` take a client for a file. When it can be
-        read, call `receive` until that is None. Something has to be asked at least
-        every 0.2 s all the same: it is then that the service hears that this client
-        lives, and `latest` that the service does not. It is another number after
-        `connect`.
+        read, call `receive` until that is None; and ask something at least every 0.2 s,
+        which tells the service that this client lives, and `latest` that the service
+        does not. It is another number after `connect`.
         """
         one = self._connection.socket
         return -1 if one is None else one.fileno()
@@ -307,8 +306,7 @@ class Client(Exchange):
     def receive(self, timeout: float = 0.0) -> Answer | None:
         """The next answer that came in; None if there is none within `timeout` [s].
 
-        To a controller it is a stop as long as the reflex stops the robots, and one
-        more at once when that begins.
+        While the reflex stops the robots, a controller gets stops, the first at once.
 
         Raises:
             NoServiceError: `connect` has not succeeded yet.

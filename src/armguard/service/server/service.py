@@ -113,13 +113,7 @@ class Service:
             pulses=pulses,
         )
         if settings.stopped or killed:
-            self._context.ordered = Cause.RESTARTED
-            log.warning(
-                "the last service on this port was killed: robots stay stopped until "
-                "the commander engages them"
-                if killed
-                else "robots stay stopped until the commander engages them"
-            )
+            self._stay_stopped(killed)
         self._companions = Companions()
         self._adopt_scene()
         self._cycles = Cycles(self._context)
@@ -128,6 +122,16 @@ class Service:
         self._checkpoint = 0
         self._heartbeat = int(settings.heartbeat * NANO)
         self._beat_at = 0
+
+    def _stay_stopped(self, killed: bool) -> None:
+        """Stop all robots until they are engaged, and say whether a service died."""
+        self._context.ordered = Cause.RESTARTED
+        log.warning(
+            "the last service on this port was killed: robots stay stopped until "
+            "the commander engages them"
+            if killed
+            else "robots stay stopped until the commander engages them"
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
