@@ -105,7 +105,7 @@ class Client(Exchange):
 
         With it `select`, `poll` and `asyncio` take a client for a file. When it can be
         read, call `receive` until that is None; and ask something at least every 0.2 s,
-        which tells the service that this client lives, and `latest` that the service
+        so that the service hears that this client lives, and `latest` that the service
         does not. It is another number after `connect`.
         """
         one = self._connection.socket
