@@ -28,8 +28,9 @@ def hit(cell: int, sure: bool, blocks: int, out: Look) -> None:
     x, y, z = cell & 1023, cell >> 10 & 1023, cell >> 20
     word = word_at(x >> 2, y >> 2, z >> 2, blocks)
     one = bit(((z & 3) << 4) + ((y & 3) << 2) + (x & 3))
-    touch(word, out)
     before = out.hits[word]
+    if before == 0:
+        touch(word, out)
     # No branch: whether a pixel is the first one in its cell cannot be predicted.
     out.sure[word] |= one if sure else before & one
     out.hits[word] = before | one
