@@ -52,7 +52,7 @@ def test_a_map_beside_the_lattice_of_the_tree_is_safe(tmp_path):
     occupied, free = grids(2, SIDE)
     path = tmp_path / "map.bt"
     write_octomap(path, 0.05, occupied, free)
-    centre = np.array([0.02, -0.31, 0.013])
+    centre = np.array([0.031, -0.321, 0.001])
     cells = ag.CellMap(centre, 0.03, SIDE)
     cells.read_octomap(path, 0.0)
     rng = np.random.default_rng(3)

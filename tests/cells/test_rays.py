@@ -68,6 +68,13 @@ def test_a_ray_frees_up_to_the_reach():
         assert free == crossed(origin, point, 0.8)
 
 
+def test_points_without_reach_free_nothing():
+    cells = ag.CellMap((0, 0, 0), CELL, SIDE)
+    cells.points([(0.5, 0.5, 0.5)], (0, 0, 0), 0.0, reach=0.0)
+    assert not cells.known_free().any()
+    assert cells.occupied().sum() == 1
+
+
 def test_a_cell_with_a_point_is_not_passed_by_other_rays():
     cells = ag.CellMap((0, 0, 0), CELL, SIDE)
     points = [(0.0, 0.0, 0.5), (0.0, 0.0, 1.0)]

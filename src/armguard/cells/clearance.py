@@ -37,7 +37,7 @@ from armguard.geometry.place import place_row
 from armguard.geometry.segments import POINT, clamp01
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.geometry.vec3 import Vec3, along, dot, extent, sub
+from armguard.geometry.vec3 import Vec3, along, dot, extent, norm, sub
 from armguard.kernel import kernel
 from armguard.lanes import lowest
 from armguard.record import maker, record
@@ -63,8 +63,8 @@ class Nearest:
         gap: Distance of the core to it, at first that up to which cells count [m].
         word: Its word, -1 without one.
         cell: Its bit in the word.
-        visited: Boxes whose gap was computed, cells among them.
-        measured: Cells whose gap was computed.
+        visited: Boxes whose exact gap was computed, cells among them.
+        measured: Cells whose exact gap was computed.
     """
 
     gap: float
@@ -151,21 +151,22 @@ def is_beyond(gap: float, best: Nearest) -> bool:
 
 
 @kernel
-def is_out_of_reach(query: Query, middle: Vec3, half: float, best: Nearest) -> bool:
-    """Whether a quick bound shows that a cube is beyond the best cell.
+def quick_gap(query: Query, low: Vec3, edge: float) -> float:
+    """Lower bound of the distance of a sphere's or a capsule's core to a cube [m].
 
     The distance to a segment is convex: in a cube it is not below the one in the middle
-    less half the edge times the sum of the sizes of its gradient. Other cores have no
-    such bound.
+    less half the edge times the sum of the sizes of its gradient.
+
+    Args:
+        query: The primitive.
+        low: Lower corner of the cube [m].
+        edge: Its edge [m].
     """
-    if query.kind > CAPSULE:
-        return False
     row, way = query.row, (query.way[0], query.way[1], query.way[2])
-    apart = sub(middle, (row[1], row[2], row[3]))
+    apart = sub(middle_of(low, edge), (row[1], row[2], row[3]))
     apart = along(apart, -clamp01(dot(apart, way) * query.per_square), way)
-    square = dot(apart, apart)
-    growth = half * (1.0 + SHARE) * extent(apart)
-    return bool(square - growth > np.sqrt(square) * (best.gap + ROUND_OFF))
+    gap = norm(apart)
+    return gap - 0.5 * edge * extent(apart) / gap if gap > 0.0 else 0.0
 
 
 @kernel
@@ -186,15 +187,15 @@ def search_word(
 ) -> None:
     """Compare the cells of a word; of equal ones the first counts."""
     corner = corner_of(place_of_word(word, lattice.blocks), WORD_SIDE, lattice)
-    cells = reachable(cells, corner, lattice.cell, query, out.gap)
-    half = 0.5 * lattice.cell
+    edge = lattice.cell
+    cells = reachable(cells, corner, edge, query, out.gap)
     while cells != 0:
         cell = lowest(cells)
         cells &= cells - np.uint64(1)
-        low = member_corner(corner, lattice.cell, cell)
-        if is_out_of_reach(query, middle_of(low, lattice.cell), half, out):
+        low = member_corner(corner, edge, cell)
+        if query.kind <= CAPSULE and is_beyond(quick_gap(query, low, edge), out):
             continue
-        gap = box_gap(query, low, lattice.cell)
+        gap = box_gap(query, low, edge)
         out.visited += 1
         out.measured += 1
         first = (
@@ -209,17 +210,17 @@ def gaps_of(
     members: np.uint64, corner: Vec3, edge: float, query: Query, best: Nearest,
     out: Vector,
 ) -> np.uint64:  # fmt: skip
-    """Write the gaps of members; those that are beyond the best cell are left out."""
+    """Write gaps of members, or bounds; members beyond the best cell are left out."""
     left = members
     while left != 0:
         k = lowest(left)
         left &= left - np.uint64(1)
         low = member_corner(corner, edge, k)
-        if is_out_of_reach(query, middle_of(low, edge), 0.5 * edge, best):
-            members &= ~bit(k)
-            continue
-        out[k] = box_gap(query, low, edge)
-        best.visited += 1
+        if query.kind <= CAPSULE:
+            out[k] = quick_gap(query, low, edge)
+        else:
+            out[k] = box_gap(query, low, edge)
+            best.visited += 1
         if is_beyond(out[k], best):
             members &= ~bit(k)
     return members
@@ -326,7 +327,7 @@ def clearances(
         words: Word to search first, -1 for none; overwritten by the nearest one's,
             shape (1,).
         out: Distance, infinite beyond the limit; word and bit of the nearest cell, -1
-            without one; boxes and cells whose gap was computed; shape (n, 5).
+            without one; boxes and cells whose exact gap was computed; shape (n, 5).
     """
     claims = claims_of(claims_lines)
     query, best = make_query(), make_nearest()

@@ -7,7 +7,7 @@ from armguard.cells.pyramid import pyramid_of
 from armguard.cells.state import Camera, Lattice, Look, Singles
 from armguard.cells.words import bit, touch, word_at
 from armguard.kernel import kernel
-from armguard.table import LongVector
+from armguard.table import IntVector, LongVector
 
 # Most parts of an edge of a pixel's area [-].
 MOST_PARTS = 64
@@ -28,8 +28,9 @@ def hit(cell: int, sure: bool, blocks: int, out: Look) -> None:
     x, y, z = cell & 1023, cell >> 10 & 1023, cell >> 20
     word = word_at(x >> 2, y >> 2, z >> 2, blocks)
     one = bit(((z & 3) << 4) + ((y & 3) << 2) + (x & 3))
-    touch(word, out)
     before = out.hits[word]
+    if before == 0:
+        touch(word, out)
     # No branch: whether a pixel is the first one in its cell cannot be predicted.
     out.sure[word] |= one if sure else before & one
     out.hits[word] = before | one
@@ -86,12 +87,14 @@ def hit_area(
 
 
 @kernel(inline=False)
-def hit_row(
-    i: int, depths: Singles, single: bool, camera: Camera, lattice: Lattice, out: Look
+def write_codes(
+    i: int, depths: Singles, camera: Camera, lattice: Lattice, out: IntVector
 ) -> None:
-    """Note the cells of a row of pixels; see `hit_pixels`."""
-    # Copies: the compiler cannot see that the words written do not overlap the records.
-    scale, side, blocks = 1.0 / lattice.cell, lattice.side, lattice.blocks
+    """Write the cell of each pixel of a row, see `cell_at`, -1 for none.
+
+    Without a branch for a pixel the compiler computes several at a time.
+    """
+    scale, side = 1.0 / lattice.cell, float(lattice.side)
     t = (i - camera.centre[1]) / camera.focal[1]
     a, b, c = camera.axes[0], camera.axes[1], camera.axes[2]
     ax, ay, az = a[0], a[1], a[2]
@@ -100,22 +103,34 @@ def hit_row(
     oy = (camera.origin[1] - lattice.low[1]) * scale
     oz = (camera.origin[2] - lattice.low[2]) * scale
     middle, per_pixel = camera.centre[0], 1.0 / camera.focal[0]
-    most = min(camera.focal[0], camera.focal[1])
     for j in range(depths.shape[0]):
-        depth = float(depths[j])
-        if depth <= 0.0:
-            continue
-        depth *= scale
-        if depth > most:
-            parts = min(int(np.ceil(depth / most)), MOST_PARTS)
-            hit_area(i, j, depth, parts, camera, lattice, out)
-            continue
+        depth = scale * depths[j]
         s = (j - middle) * per_pixel
         x = ox + depth * (s * ax + bx)
         y = oy + depth * (s * ay + by)
         z = oz + depth * (s * az + bz)
-        # Where a cell is less than two pixels wide, one of them is enough.
-        hit(cell_at(x, y, z, side), single or 2.0 * depth > most, blocks, out)
+        within = (x >= 0.0) & (x < side) & (y >= 0.0) & (y < side)
+        within = within & (z >= 0.0) & (z < side) & (depth > 0.0)
+        code = np.int32(z) << 20 | np.int32(y) << 10 | np.int32(x)
+        out[j] = code if within else -1
+
+
+@kernel(inline=False)
+def hit_row(i: int, depths: Singles, single: bool, codes: IntVector, out: Look) -> None:
+    """Note the cells of a row of pixels; see `hit_pixels`."""
+    camera, lattice = out.camera, out.lattice
+    blocks, cell = lattice.blocks, lattice.cell
+    # Beyond the first depth a cell is less than two pixels wide, so that one of them is
+    # enough, and beyond the second one a pixel is wider than a cell.
+    wide = cell * min(camera.focal[0], camera.focal[1])
+    enough = 0.0 if single else 0.5 * wide
+    for j in range(depths.shape[0]):
+        depth = depths[j]
+        if depth > wide:
+            parts = min(int(np.ceil(depth / wide)), MOST_PARTS)
+            hit_area(i, j, depth / cell, parts, camera, lattice, out)
+        else:
+            hit(codes[j], depth > enough, blocks, out)
 
 
 @kernel(inline=False, entry=True)
@@ -135,4 +150,5 @@ def hit_pixels(single: bool, pyramid_lines: LongVector, look_lines: LongVector) 
     columns = p.levels[0, 2]
     for i in range(p.levels[0, 1]):
         row = p.least[i * columns : (i + 1) * columns]
-        hit_row(i, row, single, look.camera, look.lattice, look)
+        write_codes(i, row, look.camera, look.lattice, p.codes)
+        hit_row(i, row, single, p.codes, look)

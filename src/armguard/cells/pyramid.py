@@ -11,7 +11,7 @@ import numpy as np
 
 from armguard.cells.state import Singles
 from armguard.kernel import kernel
-from armguard.table import LongMatrix, LongVector, opener, table
+from armguard.table import IntVector, LongMatrix, LongVector, opener, table
 
 
 @table
@@ -26,6 +26,7 @@ class Pyramid(NamedTuple):
         least_near: Least depth of the window about each tile [m].
         most_near: Greatest depth of it, from level 2 on [m].
         row: Scratch for a row of tiles.
+        codes: Scratch for the cells of a row of pixels.
     """
 
     levels: LongMatrix
@@ -34,6 +35,7 @@ class Pyramid(NamedTuple):
     least_near: Singles
     most_near: Singles
     row: Singles
+    codes: IntVector
 
 
 def empty_pyramid(rows: int, columns: int) -> Pyramid:
@@ -49,10 +51,11 @@ def empty_pyramid(rows: int, columns: int) -> Pyramid:
     least, most, least_near, most_near = (
         np.zeros(first, dtype=np.float32) for _ in range(4)
     )
-    row = np.zeros(levels[0][2], dtype=np.float32)
+    wide = levels[0][2]
     return Pyramid(
-        np.array(levels, dtype=np.int64), least, most, least_near, most_near, row
-    )
+        np.array(levels, dtype=np.int64), least, most, least_near, most_near,
+        np.zeros(wide, dtype=np.float32), np.zeros(wide, dtype=np.int32),
+    )  # fmt: skip
 
 
 pyramid_of = opener(Pyramid)

@@ -195,7 +195,7 @@ class CellView:
         apply_deltas(found, self._claims.lines)
 
     def checkpoint(self) -> bytes:
-        """State as bytes, for `restore`."""
+        """Claims and their evidence as bytes, for `restore`; without own links."""
         return b"".join(array.tobytes() for array in self._arrays())
 
     def restore(self, data: bytes) -> None:
