@@ -19,7 +19,7 @@ from armguard.recording.replay import do
 from armguard.recording.ring import RingReader, RingWriter
 from armguard.service.client.exchange import request_of
 from armguard.service.server.rpc import Calls, permitted, read_call
-from armguard.service.wire import Role
+from armguard.service.wire import Cause, Role
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -105,7 +105,7 @@ EVENTS = (
 # What of the guard is no call: cycles, looks, and what only other guards are used for.
 NO_CALLS = {
     *("step", "filter", "filter_positions", "filter_twists", "stop", "solve_programs"),
-    *("q", "judge_at_rest", "check_path", "checkpoint", "restore"),
+    *("q", "judge_at_rest", "check_path", "checker", "checkpoint", "restore"),
     *("hold", "take_over", "stand_as", "forget_stops"),
 }
 
@@ -224,7 +224,7 @@ def test_no_call_is_made_without_its_right(name):
 
 @pytest.mark.parametrize("name", CALLS)
 def test_the_service_answers_every_call(name):
-    calls = Calls(MagicMock(), MagicMock())
+    calls = Calls(MagicMock(reflex=Cause.NONE, pulses=None), MagicMock())
     given = next((given for call, given, _ in EVENTS if call == name), {})
     calls._answer(CALLS[name](**given), MagicMock(role=Role.ADMINISTER))
 
