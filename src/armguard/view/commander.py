@@ -79,6 +79,8 @@ class Commander:
         self._claimed = -float("inf")
         # Until when a stop is ordered again that no answer has confirmed; 0 if none is.
         self._unconfirmed = 0.0
+        # The newest cycle that was known when it was ordered: only a later one counts.
+        self._ordered_after = -1
 
     @property
     def alive(self) -> bool:
@@ -119,7 +121,7 @@ class Commander:
             refusal, before = self._client.refusal, self._refusal
             self._refusal = refusal
             self.commands = self.commands and not lost
-            unanswered = self._repeat_stop()
+            unanswered = self._repeat_stop(latest.cycle)
         if unanswered:
             self._complain(
                 "the service does not confirm the stop: stop the robots by their own "
@@ -163,15 +165,24 @@ class Commander:
 
         It is ordered again until an answer confirms it, since a message may be lost.
         """
-        self._unconfirmed = time.monotonic() + PATIENCE
-        self._try(self._client.stop)
 
-    def _repeat_stop(self) -> bool:
-        """Order an unconfirmed stop again; whether it stayed unconfirmed to the end."""
+        def order() -> None:
+            self._ordered_after = self._client.latest.cycle
+            self._unconfirmed = time.monotonic() + PATIENCE
+            self._client.stop()
+
+        self._try(order)
+
+    def _repeat_stop(self, cycle: int) -> bool:
+        """Order an unconfirmed stop again; whether it stayed unconfirmed to the end.
+
+        Args:
+            cycle: Number of the cycle that `cause` is of.
+        """
         if not self._unconfirmed:
             return False
         over = time.monotonic() > self._unconfirmed
-        if self.cause in ORDERED or over:
+        if over or (self.cause in ORDERED and cycle > self._ordered_after):
             self._unconfirmed = 0.0
             return over and not self.cause.stops
         if self._client.connected:
