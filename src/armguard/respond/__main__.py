@@ -8,7 +8,7 @@ import ctypes
 import signal
 import sys
 
-from armguard.respond.compiling import compile_there, rare_collections
+from armguard.respond.compiling import compile_there, no_collections
 from armguard.respond.guard import try_out
 
 # Of prctl(2): the signal this process gets when its parent ends.
@@ -23,5 +23,5 @@ def end_with_parent() -> None:
 
 if __name__ == "__main__":
     end_with_parent()
-    with rare_collections():
+    with no_collections():
         compile_there("guarded" in sys.argv[1:], try_out)
