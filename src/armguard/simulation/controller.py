@@ -11,7 +11,7 @@ from armguard.errors import StationError
 from armguard.recording.ring import RingWriter
 from armguard.respond.command import Action
 from armguard.scene.scene import Scene
-from armguard.service.client import Client
+from armguard.service.client import Answer, Client
 from armguard.service.wire import Cause
 from armguard.simulation.plant import Imperfection, Plant
 
@@ -59,6 +59,8 @@ class SimulatedArms:
         # whether it has had them go on meanwhile.
         self._alone = self._silent = False
         self._knock = 0.0
+        # When no answer was left to take in [s].
+        self._heard = client.clock()
         self._trace = None if trace is None else RingWriter(trace, TRACE_SIZE)
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
@@ -67,6 +69,7 @@ class SimulatedArms:
         period = client.welcome.period
         due = client.clock()
         while not until():
+            self._listen(plant.time)
             plant.advance(max(client.clock() - plant.time, 0.0))
             self._write()
             if client.connected and not self._silent:
@@ -83,25 +86,34 @@ class SimulatedArms:
                 self._find_again(latest.cause)
 
     def _listen(self, due: float) -> None:
-        """Take in what the service answers until some time."""
+        """Take in what the service answers until some time, and what it has answered.
+
+        Args:
+            due: That time; one that has passed if only answers that wait are wanted.
+        """
         client = self.client
-        while (left := due - client.clock()) > 0.0:
+        while True:
+            left = max(due - client.clock(), 0.0)
+            answer = client.receive(left) if client.connected else None
+            if answer is not None:
+                self._obey(answer)
+                continue
             if not client.connected:
                 time.sleep(left)
-                continue
-            looked = client.clock()
-            answer = client.receive(timeout=left)
-            if answer is None:
-                continue
-            actions = answer.actions
-            if self._alone and Action.FOLLOW in actions.values():
-                self._silent = True
-                self._stop()
-                continue
-            self._alone = self._silent = False
-            # It came since, however long this process then waited for its turn.
-            came = max(answer.sent, looked)
-            self.plant.send(answer.velocity, actions, at=came)
+            self._heard = client.clock()
+            if self._heard >= due:
+                return
+
+    def _obey(self, answer: Answer) -> None:
+        """Have the arms do what an answer says, as of when it came."""
+        actions = answer.actions
+        if self._alone and Action.FOLLOW in actions.values():
+            self._silent = True
+            self._stop()
+            return
+        self._alone = self._silent = False
+        # It came since none was left, however long this process waited for its turn.
+        self.plant.send(answer.velocity, actions, at=max(answer.sent, self._heard))
 
     def close(self) -> None:
         """End the trace; the client is its owner's."""
