@@ -28,7 +28,14 @@ from armguard.scene.schema import (
     checked,
     in_other_units,
 )
-from armguard.scene.sensing import ReflexSettings, SceneSensor, SensorSettings
+from armguard.scene.sensing import (
+    ReflexSettings,
+    SceneSensing,
+    SceneSensor,
+    SceneZone,
+    SensorSettings,
+    scene_sensing,
+)
 from armguard.scene.settings import Mode
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
@@ -83,6 +90,7 @@ class Contents:
         self.pair_buffers: dict[tuple[str, str], float] = {}
         self._sensors: dict[str, SceneSensor] = {}
         self.reflex: ReflexSettings | None = None
+        self.sensing: SceneSensing | None = None
 
     @property
     def sensors(self) -> Mapping[str, SceneSensor]:
@@ -268,6 +276,33 @@ class Contents:
                     f"{least} to {greatest} m"
                 )
         self.reflex = reflex
+
+    def set_sensing(
+        self, *, zones: Mapping[str, SceneZone] | None = None, **settings: Any
+    ) -> None:
+        """Declare the space that sensors look at, for `Guard.update_cells`.
+
+        Args:
+            zones: Zones by name; in several at once the first one counts.
+            settings: See `SensingSettings`; `region`, `unknown` and `intruder` are
+                required.
+
+        Raises:
+            SceneError: A setting cannot be true, or unseen space is free without a
+                reason.
+
+        Example:
+            >>> from armguard import Scene
+            >>> scene = Scene()
+            >>> scene.set_sensing(
+            ...     region={"centre": (0.4, 0, 0.6)},
+            ...     unknown="still",
+            ...     intruder={"speed": 1.6, "size": 0.05},
+            ... )
+            >>> scene.sensing.edge
+            2.56
+        """
+        self.sensing = scene_sensing(settings, zones or {})
 
     def buffer_of(self, body: str) -> float:
         """Distance a body must keep where no pair rule says otherwise [m].
