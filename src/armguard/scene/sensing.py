@@ -127,6 +127,9 @@ class ReflexSettings:
     watchdog: Annotated[Positive, Field(ge=0.003, le=1.0)] = 0.1
 
 
+# Names of bodies in verdicts: of sensed cells, and of space that no sensor has seen.
+SENSED, UNSEEN = "something sensed", "space not known free"
+
 # How space counts that no sensor has seen free: as free; as an obstacle that is
 # stationary; as one that moves at the intruder's speed.
 Unknown = Literal["free", "still", "moving"]
@@ -212,6 +215,7 @@ class SensingSettings:
             "moving", as one that grows at the intruder's speed; "free".
         reason: Why it is free; required then.
         intruder: What may come into the region, unseen.
+        stale: Age of the cells from which on all robots stop [s].
     """
 
     __pydantic_config__ = CLOSED
@@ -221,6 +225,7 @@ class SensingSettings:
     unknown: Unknown
     reason: str | None = None
     intruder: IntruderSettings
+    stale: Seconds = 1.0
 
     @model_validator(mode="after")
     def _free_for_a_reason(self) -> Self:
