@@ -28,7 +28,16 @@ from armguard.scene.schema import (
     checked,
     in_other_units,
 )
-from armguard.scene.sensing import ReflexSettings, SceneSensor, SensorSettings
+from armguard.scene.sensing import (
+    SENSED,
+    UNSEEN,
+    ReflexSettings,
+    SceneSensing,
+    SceneSensor,
+    SceneZone,
+    SensorSettings,
+    scene_sensing,
+)
 from armguard.scene.settings import Mode
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
@@ -83,6 +92,7 @@ class Contents:
         self.pair_buffers: dict[tuple[str, str], float] = {}
         self._sensors: dict[str, SceneSensor] = {}
         self.reflex: ReflexSettings | None = None
+        self.sensing: SceneSensing | None = None
 
     @property
     def sensors(self) -> Mapping[str, SceneSensor]:
@@ -269,6 +279,33 @@ class Contents:
                 )
         self.reflex = reflex
 
+    def set_sensing(
+        self, *, zones: Mapping[str, SceneZone] | None = None, **settings: Any
+    ) -> None:
+        """Declare the space that sensors look at, for `Guard.update_cells`.
+
+        Args:
+            zones: Zones by name; in several at once the first one counts.
+            settings: See `SensingSettings`; `region`, `unknown` and `intruder` are
+                required.
+
+        Raises:
+            SceneError: A setting cannot be true, or unseen space is free without a
+                reason.
+
+        Example:
+            >>> from armguard import Scene
+            >>> scene = Scene()
+            >>> scene.set_sensing(
+            ...     region={"centre": (0.4, 0, 0.6)},
+            ...     unknown="still",
+            ...     intruder={"speed": 1.6, "size": 0.05},
+            ... )
+            >>> scene.sensing.edge
+            2.56
+        """
+        self.sensing = scene_sensing(settings, zones or {})
+
     def buffer_of(self, body: str) -> float:
         """Distance a body must keep where no pair rule says otherwise [m].
 
@@ -276,14 +313,17 @@ class Contents:
         smaller as soon as one robot is not "fixed", since the larger of a pair counts.
 
         Args:
-            body: 'robot/link', a robot, or an object.
+            body: 'robot/link', a robot, an object, or `SENSED`.
         """
         item = self._objects.get(body)
         carrier = body if item is None else item.attached_to
+        if body == SENSED:
+            carrier = None
         near = list(self._robots.values())
         if carrier is not None:
             near = [self._robots[carrier.split("/", 1)[0]]]
-        own = near[0].buffer if item is None else item.buffer
+        own = None if carrier is None else near[0].buffer
+        own = own if item is None else item.buffer
         return self._usual({robot.mode for robot in near}) if own is None else own
 
     def _usual(self, modes: set[Mode]) -> float:
@@ -315,7 +355,8 @@ class Contents:
                 f"'{name}' is no name; it must not be empty, hold '/', or start or end "
                 "in a blank"
             )
-        if any(name in one for one in (self._robots, self._objects, self._sensors)):
+        taken = (self._robots, self._objects, self._sensors, (SENSED, UNSEEN))
+        if any(name in one for one in taken):
             raise SceneError(f"the name '{name}' is taken; give another")
 
     def _check_body(self, body: str, *, link: bool = False) -> None:
