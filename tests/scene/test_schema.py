@@ -12,7 +12,8 @@ from armguard.errors import SceneError
 from armguard.scene import Grasp, Gripper
 from armguard.scene.file_models import SceneModel, scene_schema
 from armguard.scene.schema import checked, meanings
-from armguard.scene.sensing import ReflexSettings, SensorSettings
+from armguard.scene.sensing import ReflexSettings
+from armguard.scene.sensors import RingSettings, SensorSettings
 from armguard.scene.settings import (
     CycleSettings,
     IndexSettings,
@@ -107,7 +108,7 @@ def test_the_schema_refuses_what_a_file_may_not_have(change, says):
 
 def test_the_schema_has_a_meaning_for_every_setting():
     settings = (CycleSettings, IndexSettings, RobotSettings, ObjectSettings)
-    settings = (*settings, SensorSettings, ReflexSettings)
+    settings = (*settings, SensorSettings, RingSettings, ReflexSettings)
     for kind in (*settings, ResponseSettings, Grasp, Gripper):
         assert set(meanings(kind)) == {field.name for field in fields(kind)}
     assert SCHEMA["$defs"]["Grasp"]["properties"]["creep"] == {
@@ -145,6 +146,7 @@ def in_words(value):
         ("cycle", CycleSettings),
         ("index", IndexSettings),
         ("sensors.NAME", SensorSettings),
+        ("sensors.NAME.ring", RingSettings),
         ("reflex", ReflexSettings),
     ],
 )

@@ -35,7 +35,8 @@ from armguard.scene.schema import (
     at_most,
     meanings,
 )
-from armguard.scene.sensing import ReflexSettings, SensorSettings
+from armguard.scene.sensing import ReflexSettings
+from armguard.scene.sensors import SensorSettings
 from armguard.scene.settings import (
     DEFAULT_MODE,
     CycleSettings,
@@ -175,10 +176,10 @@ class RobotEntry(RobotSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorEntry(SensorSettings):
-    """A sensor of the scene.
+    """A sensor of the scene, or a ring of sensors.
 
     Attributes:
-        at: A pose in the link that carries it.
+        at: A pose in the link that carries it, or in the world.
     """
 
     __pydantic_config__ = CLOSED
