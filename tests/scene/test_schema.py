@@ -12,7 +12,13 @@ from armguard.errors import SceneError
 from armguard.scene import Grasp, Gripper
 from armguard.scene.file_models import SceneModel, scene_schema
 from armguard.scene.schema import checked, meanings
-from armguard.scene.sensing import ReflexSettings
+from armguard.scene.sensing import (
+    IntruderSettings,
+    ReflexSettings,
+    RegionSettings,
+    SensingSettings,
+    ZoneSettings,
+)
 from armguard.scene.sensors import RingSettings, SensorSettings
 from armguard.scene.settings import (
     CycleSettings,
@@ -109,6 +115,8 @@ def test_the_schema_refuses_what_a_file_may_not_have(change, says):
 def test_the_schema_has_a_meaning_for_every_setting():
     settings = (CycleSettings, IndexSettings, RobotSettings, ObjectSettings)
     settings = (*settings, SensorSettings, RingSettings, ReflexSettings)
+    settings = (*settings, SensingSettings, RegionSettings, IntruderSettings)
+    settings = (*settings, ZoneSettings)
     for kind in (*settings, ResponseSettings, Grasp, Gripper):
         assert set(meanings(kind)) == {field.name for field in fields(kind)}
     assert SCHEMA["$defs"]["Grasp"]["properties"]["creep"] == {
@@ -148,6 +156,10 @@ def in_words(value):
         ("sensors.NAME", SensorSettings),
         ("sensors.NAME.ring", RingSettings),
         ("reflex", ReflexSettings),
+        ("sensing", SensingSettings),
+        ("sensing.region", RegionSettings),
+        ("sensing.intruder", IntruderSettings),
+        ("sensing.zones.NAME", ZoneSettings),
     ],
 )
 def test_the_page_has_every_key_with_its_default(where, kind):

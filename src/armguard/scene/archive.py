@@ -43,6 +43,12 @@ from armguard.scene.meshes import Surface
 from armguard.scene.objects import SceneObject
 from armguard.scene.robots import SceneRobot
 from armguard.scene.scene import Scene
+from armguard.scene.sensing import (
+    IntruderSettings,
+    RegionSettings,
+    SceneSensing,
+    SceneZone,
+)
 from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
 
 # What may be in a scene, by name; nothing else is ever made of an archive.
@@ -50,9 +56,9 @@ PARTS: dict[str, type] = {
     part.__name__: part
     for part in (
         *SHAPES.values(), Allowance, CollisionElement, CubeSettings, Cylinder,
-        DisabledPair, FittedLink, Grasp, Gripper, IndexSettings, Joint, Link,
-        MeshFile, Mimic,
-        PlacedShape, Pose, ResponseSettings, RobotModel, SceneObject, SceneRobot,
+        DisabledPair, FittedLink, Grasp, Gripper, IndexSettings, IntruderSettings,
+        Joint, Link, MeshFile, Mimic, PlacedShape, Pose, RegionSettings,
+        ResponseSettings, RobotModel, SceneObject, SceneRobot, SceneSensing, SceneZone,
         StopTable, StoppingFigures, Surface,
     )
 }  # fmt: skip
@@ -86,6 +92,8 @@ def archive_of(scene: Scene) -> bytes:
             with a support function of its own.
     """
     parts = {key.strip("_"): plain(getattr(scene, key)) for key in (*SETTINGS, *HELD)}
+    if scene.sensing is not None:
+        parts["sensing"] = plain(scene.sensing)
     whole = {"form": FORM, **parts}
     return zlib.compress(json.dumps(whole, separators=(",", ":")).encode())
 
@@ -109,6 +117,9 @@ def scene_of(archive: bytes) -> Scene:
             if type(whole[key.strip("_")]) is not type(getattr(scene, key)):
                 raise TypeError(f"its {key.strip('_')} are of another type")
             setattr(scene, key, whole[key.strip("_")])
+        scene.sensing = whole.get("sensing")
+        if not isinstance(scene.sensing, SceneSensing | None):
+            raise TypeError("its sensing is of another type")
     except ArchiveError:
         raise
     except Exception as error:  # whatever a stranger's numbers and names lead to

@@ -28,7 +28,13 @@ from armguard.scene.schema import (
     checked,
     in_other_units,
 )
-from armguard.scene.sensing import ReflexSettings, check_reflex_sensor
+from armguard.scene.sensing import (
+    ReflexSettings,
+    SceneSensing,
+    SceneZone,
+    check_reflex_sensor,
+    scene_sensing,
+)
 from armguard.scene.sensors import SceneSensor, SensorSettings, scene_sensors
 from armguard.scene.settings import Mode
 
@@ -85,6 +91,7 @@ class Contents:
         self._sensors: dict[str, SceneSensor] = {}
         self._sensor_entries: dict[str, tuple[str, ...]] = {}  # sensors of each entry
         self.reflex: ReflexSettings | None = None
+        self.sensing: SceneSensing | None = None
 
     @property
     def sensors(self) -> Mapping[str, SceneSensor]:
@@ -271,6 +278,33 @@ class Contents:
         for name in names:
             check_reflex_sensor(self._sensors[name], reflex.distance)
         self.reflex = replace(reflex, sensors=tuple(dict.fromkeys(names)))
+
+    def set_sensing(
+        self, *, zones: Mapping[str, SceneZone] | None = None, **settings: Any
+    ) -> None:
+        """Declare the space that sensors look at, for `Guard.update_cells`.
+
+        Args:
+            zones: Zones by name; in several at once the first one counts.
+            settings: See `SensingSettings`; `region`, `unknown` and `intruder` are
+                required.
+
+        Raises:
+            SceneError: A setting cannot be true, or unseen space is free without a
+                reason.
+
+        Example:
+            >>> from armguard import Scene
+            >>> scene = Scene()
+            >>> scene.set_sensing(
+            ...     region={"centre": (0.4, 0, 0.6)},
+            ...     unknown="still",
+            ...     intruder={"speed": 1.6, "size": 0.05},
+            ... )
+            >>> scene.sensing.edge
+            2.56
+        """
+        self.sensing = scene_sensing(settings, zones or {})
 
     def buffer_of(self, body: str) -> float:
         """Distance a body must keep where no pair rule says otherwise [m].

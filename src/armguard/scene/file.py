@@ -25,6 +25,7 @@ from armguard.scene.file_models import (
 from armguard.scene.file_shapes import Place
 from armguard.scene.meshes import Progress, Surface
 from armguard.scene.moveit import build_moveit_scene, is_moveit_scene
+from armguard.scene.region import check_region
 from armguard.scene.robots import (
     SceneRobot,
     lacking_figures,
@@ -33,7 +34,7 @@ from armguard.scene.robots import (
 )
 from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
-from armguard.scene.sensing import ReflexSettings
+from armguard.scene.sensing import ReflexSettings, SensingSettings
 from armguard.scene.sensors import SensorSettings
 from armguard.scene.settings import ObjectSettings, RobotSettings
 from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
@@ -276,6 +277,10 @@ def fill(
     if model.reflex is not None and not problems:
         with problems.at("reflex"):
             scene.set_reflex(**part_of(model.reflex, ReflexSettings))
+    if model.sensing is not None and not problems:
+        with problems.at("sensing"):
+            settings = part_of(model.sensing, SensingSettings)
+            scene.set_sensing(**settings, zones=model.sensing.scene_zones())
     for group in lacking_figures(scene.robots.values()):
         problems.add(
             ("robots", group[0].name),
@@ -283,6 +288,9 @@ def fill(
             robots=tuple(robot.name for robot in group),
             paste=stopping_line(group[0].model),
         )
+    if scene.sensing is not None and not problems:
+        with problems.at("sensing", "region"):
+            check_region(scene.sensing, scene.robots.values())
     if not problems:
         with problems.at("margin"):
             scene.validate()

@@ -34,8 +34,14 @@ from armguard.scene.schema import (
     Triple,
     at_most,
     meanings,
+    part_of,
 )
-from armguard.scene.sensing import ReflexSettings
+from armguard.scene.sensing import (
+    ReflexSettings,
+    SceneZone,
+    SensingSettings,
+    ZoneSettings,
+)
 from armguard.scene.sensors import SensorSettings
 from armguard.scene.settings import (
     DEFAULT_MODE,
@@ -51,6 +57,9 @@ from armguard.scene.yaml_source import Keys
 MOST_ROBOTS = 64
 MOST_SENSORS = 256
 MOST_OBJECTS = 5_000
+
+# Most zones of sensed space; each cell is compared with all of them.
+MOST_ZONES = 16
 
 
 # Infinite is an answer here: how hard a stop can be may be unknown.
@@ -187,6 +196,41 @@ class SensorEntry(SensorSettings):
     at: PoseModel = ORIGIN
 
 
+@dataclass(frozen=True, kw_only=True)
+class ZoneEntry(ZoneSettings):
+    """A zone of sensed space.
+
+    Attributes:
+        at: Pose of its middle.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    at: PoseModel = ORIGIN
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensingEntry(SensingSettings):
+    """Sensed space of the scene.
+
+    Attributes:
+        zones: Zones by name; in several at once the first one counts.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    zones: Annotated[dict[str, ZoneEntry], Field(max_length=MOST_ZONES)] = field(
+        default_factory=dict
+    )
+
+    def scene_zones(self) -> dict[str, SceneZone]:
+        """The zones, as a scene has them."""
+        return {
+            name: SceneZone(**part_of(zone, ZoneSettings), pose=zone.at.pose())
+            for name, zone in self.zones.items()
+        }
+
+
 class BufferEntry(Strict):
     """The distance of a pair [m]."""
 
@@ -211,6 +255,7 @@ class SceneModel(Strict):
         index: How near pairs are found.
         sensors: Sensors by name.
         reflex: The reflex; none if it is left out.
+        sensing: Sensed space; none if it is left out.
     """
 
     robots: Annotated[
@@ -231,6 +276,7 @@ class SceneModel(Strict):
         default={}
     )
     reflex: ReflexSettings | None = None
+    sensing: SensingEntry | None = None
 
 
 class WithMeanings(GenerateJsonSchema):

@@ -32,6 +32,7 @@ from armguard.scene.objects import (
     strange_lengths,
     warn_of_length,
 )
+from armguard.scene.region import check_region
 from armguard.scene.robots import (
     SceneRobot,
     check_figures,
@@ -412,8 +413,8 @@ class Scene(Contents):
         """Check rules that need the whole scene.
 
         Raises:
-            SceneError: There is no robot, a robot has no stopping figures, or a
-                buffer exceeds the margin.
+            SceneError: There is no robot, a robot has no stopping figures, an arm
+                reaches out of the sensed region, or a buffer exceeds the margin.
             UnknownNameError: What an object may rest on does not exist.
         """
         if not self._robots:
@@ -421,6 +422,8 @@ class Scene(Contents):
         if not self.q_names:
             raise SceneError("no robot of the scene has a joint that moves")
         check_figures(self._robots.values())
+        if self.sensing is not None:
+            check_region(self.sensing, self._robots.values())
         for item in self._objects.values():
             for support in item.rests_on or ():
                 self._check_body(support)

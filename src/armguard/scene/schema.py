@@ -75,6 +75,10 @@ EXPECTED = {
     "text": ("string_type",),
     "true or false": ("bool_parsing", "bool_type"),
 }
+# Remedies for missing keys that need an explanation.
+REMEDIES = {
+    "unknown": "; state how space counts that no sensor has seen: free, still or moving"
+}
 SIGNS = {"greater_than": ">", "greater_than_equal": ">=", "less_than_equal": "<="}
 
 
@@ -168,7 +172,7 @@ def sentence_of(error: dict[str, Any]) -> str:
         if kind in kinds:
             return f"expected {expected}, got {BRIEF.repr(got)}"
     if kind == "missing":
-        return "is missing"
+        return f"is missing{REMEDIES.get(error['loc'][-1], '')}"
     if kind == "too_long":
         return f"has {len(got or ()):,} entries; the limit is {context['max_length']:,}"
     if kind == "too_short":

@@ -1,12 +1,25 @@
-"""The reflex that stops the arms by sensors: its settings."""
+"""Sensed space, and the reflex that stops the arms by sensors: their settings."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from armguard.errors import SceneError
-from armguard.scene.schema import CLOSED, METRES, Name, Positive
+from armguard.geometry.pose import Pose
+from armguard.scene.schema import (
+    CLOSED,
+    METRES,
+    SPEED,
+    Name,
+    NotNegative,
+    Positive,
+    PositiveTriple,
+    Triple,
+    checked,
+    part_of,
+)
 from armguard.scene.sensors import SceneSensor
 
 Distance = Annotated[Positive, METRES]
@@ -77,3 +90,137 @@ def check_reflex_sensor(sensor: SceneSensor, distance: float) -> None:
             f"distance is {distance} m; sensor '{sensor.name}' measures from "
             f"{least} to {greatest} m"
         )
+
+
+# How space counts that no sensor has seen free: as free; as an obstacle that is
+# stationary; as one that moves at the intruder's speed.
+Unknown = Literal["free", "still", "moving"]
+
+
+def check_reason(unknown: str, reason: str | None) -> None:
+    """Refuse unseen space that counts as free without a reason."""
+    if unknown == "free" and not (reason or "").strip():
+        raise ValueError("unknown is free; give the reason, as in reason: brick wall")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegionSettings:
+    """The cube of cells.
+
+    Attributes:
+        centre: Its middle, world [m].
+        size: Cells along its edge.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    centre: Triple
+    size: Literal[64, 128, 256, 512] = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntruderSettings:
+    """What may come into the region, unseen.
+
+    Attributes:
+        speed: Its greatest speed [m/s].
+        size: Its least size; a smaller one may stay unseen [m].
+    """
+
+    __pydantic_config__ = CLOSED
+
+    speed: Annotated[NotNegative, SPEED]
+    size: Distance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoneSettings:
+    """A part of space in which unseen cells count otherwise.
+
+    Attributes:
+        box: Its edges [m].
+        unknown: How unseen space in it counts, as above.
+        reason: Why unseen space in it is free; required then.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    box: PositiveTriple
+    unknown: Unknown
+    reason: str | None = None
+
+    @model_validator(mode="after")
+    def _free_for_a_reason(self) -> Self:
+        check_reason(self.unknown, self.reason)
+        return self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneZone(ZoneSettings):
+    """A zone of a scene.
+
+    Attributes:
+        pose: Frame of its middle in the world.
+    """
+
+    pose: Pose = field(default_factory=Pose)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensingSettings:
+    """Cells that sensors fill and the guard reads, see docs/cells.md.
+
+    Attributes:
+        region: The cube of cells.
+        cell: Edge of a cell [m].
+        unknown: How space counts that no sensor has seen free: "still", as an obstacle;
+            "moving", as one that grows at the intruder's speed; "free".
+        reason: Why it is free; required then.
+        intruder: What may come into the region, unseen.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    region: RegionSettings
+    cell: Annotated[Positive, Field(ge=0.001, le=0.2)] = 0.01
+    unknown: Unknown
+    reason: str | None = None
+    intruder: IntruderSettings
+
+    @model_validator(mode="after")
+    def _free_for_a_reason(self) -> Self:
+        check_reason(self.unknown, self.reason)
+        return self
+
+    @property
+    def edge(self) -> float:
+        """Edge of the region [m]."""
+        return self.region.size * self.cell
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneSensing(SensingSettings):
+    """Sensed space of a scene.
+
+    Attributes:
+        zones: Zones by name; in several at once the first one counts.
+    """
+
+    zones: Mapping[str, SceneZone] = field(default_factory=dict)
+
+
+def scene_sensing(
+    settings: Mapping[str, Any], zones: Mapping[str, SceneZone]
+) -> SceneSensing:
+    """Sensed space of settings by name, and of zones.
+
+    Raises:
+        SceneError: A setting cannot be true.
+    """
+    known = checked("sensing", settings, kind=SensingSettings)
+    found = {}
+    for name, zone in zones.items():
+        given = part_of(zone, ZoneSettings)
+        valid = checked(f"sensing: zone '{name}'", given, kind=ZoneSettings)
+        found[name] = SceneZone(**part_of(valid, ZoneSettings), pose=zone.pose)
+    return SceneSensing(**part_of(known, SensingSettings), zones=found)
