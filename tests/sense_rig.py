@@ -19,6 +19,7 @@ def bay(
         region={"centre": (-0.4, 0, 1.1), "size": 128}, cell=cell, unknown=unknown,
         intruder={"speed": 1.6, "size": size},
     )  # fmt: skip
+    scene.add(ag.Box(size=(4, 4, 0.2)), "floor", pose=ag.Pose(xyz=(0, 0, -0.1)))
     for robot in ("left", "right") if zones else ():
         scene.add_sensor(
             robot + "_ring", kind="vl53l8cx", on=f"{robot}/link5", **settings,
@@ -47,7 +48,9 @@ def drive(
     rng = np.random.default_rng(7)
     queue = []
     for k, (name, sensor) in enumerate(scene.sensors.items()):
-        heapq.heappush(queue, (start + sensor.period * (0.3 + 0.61 * k % 1.0), name))
+        phase = sensor.period * (0.3 + 0.61 * k % 1.0)
+        count = np.ceil(max(start - 0.06 - phase, 0.0) / sensor.period)
+        heapq.heappush(queue, (phase + count * sensor.period, name))
     for k in range(round(seconds / STEP)):
         t = start + (k + 1) * STEP
         sense.joints(motion(t), t)
@@ -61,7 +64,7 @@ def drive(
             sent = (reading.distance, reading.status, stamp)
             if tamper is not None:
                 sent = tamper(name, measured, *sent)
-            if sent is None:
+            if sent is None or stamp <= sense.health[name].stamp:
                 continue
             distance, status, stamp = sent
             if sensor.image:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.cells.arrival import raise_arrivals
 from armguard.cells.carve import carve
+from armguard.cells.clearing import pass_occupied
 from armguard.cells.deltas import Delta, take_deltas
 from armguard.cells.evidence import settle
 from armguard.cells.given import check_frame, checked_pose, depths_of, pair_of
@@ -95,7 +96,7 @@ class CellMap(CellView):
         self, image: ArrayLike, T_world_camera: Pose | ArrayLike,
         focal: float | tuple[float, float], centre: tuple[float, float], stamp: float,
         *, reach: float = inf, error: float = 0.0, single: bool = False,
-        freeing: ArrayLike | None = None,
+        freeing: ArrayLike | None = None, clearing: ArrayLike | None = None,
     ) -> None:  # fmt: skip
         """Take a depth image of a pinhole camera.
 
@@ -116,6 +117,8 @@ class CellMap(CellView):
                 where a cell is at least two pixels wide.
             freeing: Depths by which space is freed, where they differ from those that
                 hit: of the same view, with any count of rows and columns.
+            clearing: Depths by which occupied cells are passed whose middle is seen,
+                also where the view of them is not whole: an image of the same shape.
 
         Raises:
             PoseError: The transform is not rigid.
@@ -145,6 +148,8 @@ class CellMap(CellView):
             pyramid = self._room_for(depths.shape)
             fill_pyramid(depths.reshape(-1), pyramid.lines)
         hit_pixels(single, pyramid.lines, self._frame.lines)
+        if clearing is not None:
+            pass_occupied(depths_of(clearing), self.claims, self._look)
         self._settle(stamp, error)
 
     def zones(

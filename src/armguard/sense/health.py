@@ -209,13 +209,11 @@ class FrameTests:
         same = (depth == self._values) & known
         self._run = np.where(same, self._run + 1, 0)
         self._least = np.where(same, np.minimum(self._least, prediction.near), np.inf)
-        self._most = np.where(same, np.maximum(self._most, prediction.far), -np.inf)
+        self._most = np.where(same, np.maximum(self._most, prediction.near), -np.inf)
         self._values = depth
-        moved = np.where(same, self._most - self._least, 0.0)
-        spread = np.where(known, prediction.far, 0.0)
-        spread -= np.where(known, prediction.near, 0.0)
+        moved = np.where(same, self._most, 0.0) - np.where(same, self._least, 0.0)
         slack = self._view.slack(np.nan_to_num(depth))
-        stuck = (self._run >= STUCK_FRAMES) & (moved > 2.0 * (slack + spread))
+        stuck = (self._run >= STUCK_FRAMES) & (moved > 2.0 * slack)
         if stuck.any():
             self._health.sign(Fault.STUCK, now, zones_in_words(stuck))
 

@@ -8,8 +8,9 @@ from armguard.sense.view import View
 from armguard.sense.world import World
 
 # Frames in a row that have to look through an object, the least zones of each that it
-# has to fill, and the share of these that look through it.
-FRAMES, ZONES, SHARE = 5, 4, 0.6
+# has to fill, the share of these that look through it, and the time it takes [s]: a
+# sensor that is mounted elsewhere is found before.
+FRAMES, ZONES, SHARE, TIME = 5, 4, 0.6, 0.9
 
 
 class MissingObjects:
@@ -28,6 +29,7 @@ class MissingObjects:
         self._number = np.searchsorted(self._objects, names)
         self._number[names == ""] = -1
         self._frames = np.zeros(len(self._objects), dtype=np.int64)
+        self._first = np.zeros(len(self._objects))
         self.since: dict[str, float] = {}
 
     def look(
@@ -57,11 +59,13 @@ class MissingObjects:
         )
         seen = count >= ZONES
         gone = seen & (through >= SHARE * count)
+        self._first[seen & gone & (self._frames == 0)] = stamp
         self._frames = np.where(gone, self._frames + 1, self._frames)
         self._frames[seen & ~gone] = 0
+        enough = (self._frames >= FRAMES) & (stamp - self._first >= TIME)
         for k in np.flatnonzero(seen).tolist():
             name = str(self._objects[k])
-            if self._frames[k] >= FRAMES:
+            if enough[k]:
                 self.since.setdefault(name, stamp)
             elif not gone[k]:
                 self.since.pop(name, None)

@@ -15,6 +15,7 @@ from armguard.guard.monitor import Monitor
 from armguard.record import Records
 from armguard.scene.scene import Scene
 from armguard.scene.sensing import SceneSensing
+from armguard.sense.alignment import Alignment
 from armguard.sense.frames import BadFrameError, Frame, Intake, frame_of
 from armguard.sense.health import SIGNS, Fault, FrameTests, SensorHealth
 from armguard.sense.history import JointHistory
@@ -84,7 +85,7 @@ class Sense:
         self._masks = Masks(self._world, self.cells)
         self._missing = MissingObjects(self._world)
         self._stations = {
-            name: Station(View(sensor, intruder.size))
+            name: Station(View(sensor, intruder.size), self._world)
             for name, sensor in scene.sensors.items()
         }
         self.intakes: Counter[Intake] = Counter()
@@ -214,17 +215,22 @@ class Sense:
         prediction = predict(view, mount, placed, self._world.tables.kinds)
         repeated = station.tests.repeats(frame, taken)
         station.tests.test(frame, mount, prediction, taken)
-        self._missing.look(view, frame, prediction, taken)
+        station.align(frame, mount, placed, prediction, taken)
         trusted = health.trusted and not repeated
+        if trusted:
+            self._missing.look(view, frame, prediction, taken)
         hits = self._hits(view, mount, placed, frame, prediction)
         self._masks.pass_links(placed, taken)
         self._masks.set(view, mount, placed)
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = mount.R, mount.origin
-        freeing = view.freeing(frame) if trusted else np.full((1, 1), np.nan)
+        through = view.through(frame)
+        if not trusted:
+            through[:] = np.nan
         self.cells.depth(
             hits, T, view.sensor.focal, view.sensor.middle, taken - view.sensor.jitter,
-            reach=view.reach, single=not view.sensor.image, freeing=freeing,
+            reach=view.reach, single=not view.sensor.image,
+            freeing=view.freeing(through), clearing=through,
             error=view.sensor.error + mount.shift + mount.turn * view.reach,
         )  # fmt: skip
         self._stamp = max(self._stamp, taken - view.sensor.jitter)
@@ -270,11 +276,27 @@ class Station:
 
     Args:
         view: Its view.
+        world: The scene.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, world: World) -> None:
         self.view, self.health = view, SensorHealth(view.sensor)
         self.tests = FrameTests(view, self.health)
+        tables = world.tables
+        self._alignment = Alignment(view, tables.kinds, tables.model_errors)
+        self._moved = False
+
+    def align(
+        self, frame: Frame, mount: Mount, placed: Placed, prediction: Prediction,
+        now: float,
+    ) -> None:  # fmt: skip
+        """Compare the place of the sensor with its frames; see `Alignment.add`."""
+        made = self._alignment.add(frame, mount, placed, prediction, now)
+        offset = self._alignment.offset
+        if made and offset is not None:
+            self._moved = offset.certain
+        if self._moved:
+            self.health.sign(Fault.MOVED, now, str(offset))
 
 
 def sensed_space(scene: Scene) -> SceneSensing:

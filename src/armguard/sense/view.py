@@ -71,6 +71,11 @@ class View:
         noise = a + b * depth + c * depth * depth
         return np.asarray(self.sensor.error + SIGMAS * noise)
 
+    def points(self, zones: NDArray[np.int64], depth: Floats) -> Floats:
+        """Points of predicted zones at depths, in the sensor, shape (n, 3) [m]."""
+        i, j = (part[zones] for part in self.places)
+        return np.stack([self._x[i, j] * depth, self._y[i, j] * depth, depth], axis=1)
+
     def patches(self, frame: Frame, R: Floats, origin: Floats) -> tuple[Floats, Bools]:
         """Boxes about the areas that measured zones have at their depths.
 
@@ -96,18 +101,27 @@ class View:
         """Which depths are so near that a later frame can free their cells again."""
         return np.asarray(depth + self.slack(depth) + 2.0 * cell <= self.reach)
 
-    def freeing(self, frame: Frame) -> Floats:
-        """Depths up to which a frame surely frees space, NaN where it frees none.
+    def through(self, frame: Frame) -> Floats:
+        """Depths up to which the zones of a frame are looked through, NaN if unknown.
+
+        They are less than the measured ones by the error and the noise.
+        """
+        depth = np.where(frame.firm, frame.depth, np.nan)
+        depth = np.maximum(depth - self.slack(depth), 0.0)
+        depth[frame.nothing] = 2.0 * self.sensor.range[1]
+        return depth
+
+    def freeing(self, depth: Floats) -> Floats:
+        """Depths up to which space is surely free, NaN where it is not.
 
         A zone is not seen to be filled by an object that fills less of it than its
         share. Such an object has its middle in another zone, and reaches less than half
         a zone into this one. So the half of a zone beside another one is free only as
         far as that one is, and the half at the border of the view is not free at all.
+
+        Args:
+            depth: Result of `through`.
         """
-        far = 2.0 * self.sensor.range[1]
-        depth = np.where(frame.firm, frame.depth, np.nan)
-        depth = np.maximum(depth - self.slack(depth), 0.0)
-        depth[frame.nothing] = far
         if self.sensor.image:
             return depth
         halves = np.pad(
