@@ -24,6 +24,7 @@ from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.observe import clocks_are_right, observe
+from armguard.guard.sensed_age import cells_are_right
 from armguard.guard.stops import (
     order_stops,
     set_clocks,
@@ -110,6 +111,9 @@ def take_input(q: Vector, w: Workspace) -> None:
     if v.given.commanded != 0 and not (
         is_as_commanded(v, m, out) and no_sensor_is_stuck(q, v, m, out)
     ):
+        refuse(w)
+        return
+    if w.settings.sensed != 0 and not cells_are_right(w.sensed.about, v, m, out):
         refuse(w)
         return
     v.given.judged = 1

@@ -104,11 +104,13 @@ def pairs_at_rest(tables: SceneTables) -> dict[str, Any]:
         **errors,
         **listed_pairs(tables, errors["link_error"], errors["robot_error"]),
         "robot_of": tables.robot_of_primitive,
-        "look": np.zeros(count),
+        "look": np.zeros(tables.modelled),
         "ahead": np.zeros(m),
         "reserve": np.zeros(m),
         "tight": np.zeros(m, dtype=np.int64),
-        "swept": np.zeros((6, m if count > FEW else WIDTH * -(-count // WIDTH))),
+        "swept": np.zeros(
+            (6, m if tables.modelled > FEW else WIDTH * -(-count // WIDTH))
+        ),
         "grown": np.zeros(m),
         "judged_pairs": np.zeros((JUDGED_ROOM, 3), dtype=np.int64),
         "judged_left": np.zeros(JUDGED_ROOM),
@@ -145,7 +147,7 @@ def sightings_at_start(tables: SceneTables) -> dict[str, Any]:
     count = len(speeds) and len(tables.kinds)
     return {
         "top_speed": speeds,
-        "movers": np.flatnonzero(speeds).astype(np.int32),
+        "movers": np.flatnonzero(speeds[: tables.modelled]).astype(np.int32),
         "seen_at": np.full(count, -np.inf),
         "sighted_at": np.full(count, -np.inf),
         "object_velocity": np.zeros((len(speeds), 3)),
@@ -204,7 +206,7 @@ def listed_pairs(tables: SceneTables, link: Floats, robot: Floats) -> dict[str, 
         link: See `Watch.link_error`.
         robot: See `Watch.robot_error`.
     """
-    few = len(tables.kinds) <= FEW and tables.index.kind != "brute_force"
+    few = tables.modelled <= FEW and tables.index.kind != "brute_force"
     pairs = all_pairs(tables) if few else np.zeros((0, 2), dtype=np.int32)
     lane = pairs[:, 1] % WIDTH
     first = np.stack([pairs[:, 0], pairs[:, 1] - lane], axis=1)
@@ -223,7 +225,7 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
 
     In each pair a primitive that a robot moves is first.
     """
-    p, m = len(tables.kinds), tables.moving_count
+    p, m = tables.modelled, tables.moving_count
     i, j = np.triu_indices(p, 1)
     wanted = (i < m) & (tables.checked[tables.groups[i], tables.groups[j]] != 0)
     pairs = np.stack([i[wanted], j[wanted]], axis=1).astype(np.int32)

@@ -60,6 +60,7 @@ class Reason(WithSentence):
         23,
         "a contact is deeper or faster than its contract allows, or expired",
     )
+    CROWDED = 24, "more cells near the arms than a cycle judges; take larger cells"
     STOPPING = 25, "still stopping"
     RESTING = (
         26,
@@ -112,6 +113,8 @@ class Reason(WithSentence):
     OBJECT_JUMPED = 144, "the object moved farther than its top speed allows"
     OBJECT_TOO_FAST = 145, "the object is faster than its declared top speed"
     OBJECT_NOT_FINITE = 146, "a pose, velocity or stamp of the sighting is not finite"
+    CELLS_STALE = 150, "the cells are older than their limit; check the map's process"
+    CELLS_AHEAD = 151, "the cells are later than the cycle; synchronise the clocks"
 
 
 # Reasons of a stop that a person or the service orders, not the judgement of a cycle.

@@ -34,6 +34,8 @@ from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
 from armguard.guard.refine import MEMO_SIZE
 from armguard.guard.saving import Saving
+from armguard.guard.sensed_space import BOUNDS, SensedSpace
+from armguard.guard.slots import with_slots
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import FEW, Watch
 from armguard.guard.workspace import IndexKind, Measured, Memory, Settings, Workspace
@@ -77,7 +79,7 @@ class Loop:
     def __init__(
         self, tables: SceneTables, budget: int, clock: Callable[[], int]
     ) -> None:
-        self.tables = tables
+        self.tables = tables = with_slots(tables)
         self._budget = budget
         self._clock = clock
         self._guarded = any(part.mode != "fixed" for part in tables.robots)
@@ -88,6 +90,9 @@ class Loop:
         world = world_at_home(tables, T_world)
         self._poses = T_world
         self.index = build_index(tables, world)
+        for slot in range(tables.modelled, len(tables.kinds)):
+            self.index.remove(slot)
+        self._sensed = SensedSpace(tables, self.index)
         self._memory.measure_all = 1
         first_row = first_row_of(tables)
         answer = answer_of(tables)
@@ -104,7 +109,8 @@ class Loop:
         self._expect_contracts()
         settings.moving_count = tables.moving_count
         settings.index_kind = index_kind(tables)
-        settings.margin = tables.margin
+        settings.margin, settings.modelled = tables.margin, tables.modelled
+        settings.sensed = tables.sensing is not None
         settings.static_need = largest_static_need(tables, self._watch)
         workspace = Workspace(
             **scratch_of(tables, len(answer["near"])),
@@ -117,6 +123,7 @@ class Loop:
             grips=self._grips,
             world=world,
             octree=self.index.state,
+            sensed=self._sensed.table,
         )
         self._open_ledger(workspace)
         self._holding.warm_up()
@@ -162,7 +169,7 @@ class Loop:
             grips=self._grips,
             workspace=self._workspace,
         )
-        return Saving(
+        saving = Saving(
             {**kept_of_tables(tables), **arrays},
             greatest_of(tables),
             self._watch,
@@ -170,7 +177,11 @@ class Loop:
             self._input,
             self._holding,
             self._objects,
+            self._sensed,
         )
+        if tables.sensing is not None:
+            saving.add(self._sensed.kept(), BOUNDS, {})
+        return saving
 
     @property
     def q_names(self) -> tuple[str, ...]:
@@ -326,11 +337,13 @@ class Loop:
         if self._workspace.octree is not self.index.state:
             self._open_ledger(self._workspace._replace(octree=self.index.state))
         self._memory.measure_all = 1
+        self._sensed.claim()
 
     def _open_ledger(self, workspace: Workspace) -> None:
         """Create the ledger through which kernels access the arrays of a workspace."""
         self._workspace = workspace
-        self._ledger = Ledger(workspace, watch=self._watch_ledger)
+        shared = {"watch": self._watch_ledger, "sensed": self._sensed.ledger}
+        self._ledger = Ledger(workspace, **shared)
         self._lines = self._ledger.lines
 
 
@@ -364,7 +377,7 @@ def index_kind(tables: SceneTables) -> int:
     """How pairs are searched without a prediction of stops: by an index or in turn."""
     if tables.index.kind == "brute_force":
         return IndexKind.BRUTE_FORCE
-    few = tables.index.kind == "auto" and len(tables.kinds) <= FEW
+    few = tables.index.kind == "auto" and tables.modelled <= FEW
     return IndexKind.LISTED if few else IndexKind.OCTREE
 
 

@@ -22,6 +22,7 @@ from armguard.guard.saving import Saving
 from armguard.guard.segment import run_segment
 from armguard.guard.self_test import NOT_TESTED, check_home
 from armguard.guard.self_test import self_test as run_self_test
+from armguard.guard.sensed_space import SensedSpace
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import RUNNING
 from armguard.kernel import check_cache
@@ -135,6 +136,7 @@ class Monitor(Loop):
     release = delegated("_holding", Holding.release)
     allow = delegated("_contracts", ContractTable.allow)
     swap_model = delegated("_grippers", Grippers.swap_model)
+    update_cells = delegated("_sensed", SensedSpace.update_cells)
     checker = delegated("_proven", ProvenLines.checker)
     checkpoint = delegated("_saving", Saving.checkpoint)
     restore = delegated("_saving", Saving.restore)

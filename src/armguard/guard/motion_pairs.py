@@ -3,30 +3,26 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.guard.change import NO_ROW, begin_notes, note_pair
-from armguard.guard.demands import judge_motion
-from armguard.guard.layout import NearRow, normal_of
+from armguard.guard.change import begin_notes
+from armguard.guard.judged_pair import judge_pair
 from armguard.guard.near_pairs import (
     decide,
     grow_box,
     is_idle,
     keep_owned,
     may_meet,
-    measures_row,
-    open_row,
 )
-from armguard.guard.needs import LOOK_AHEAD, static_need
-from armguard.guard.refine import refine_pair
+from armguard.guard.needs import static_need
 from armguard.guard.search_distance import (
-    hidden_by_error,
     pair_look,
     way_of_object,
     way_until_look,
     widest_look,
     write_looks,
 )
+from armguard.guard.sensed_pairs import judge_sensed
 from armguard.guard.sorting import sort_ids
-from armguard.guard.watch import FEW, HYSTERESIS
+from armguard.guard.watch import FEW
 from armguard.guard.workspace import IndexKind, Workspace
 from armguard.index.octree_query import (
     octree_candidates,
@@ -36,12 +32,6 @@ from armguard.index.octree_query import (
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.lanes import load, lowest, ones
-from armguard.motion.pair_proof import shared_joints
-from armguard.motion.twist_bound import (
-    SPEED,
-    TRAVEL,
-    bound_along,
-)
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +40,7 @@ Floats = NDArray[np.float64]
 def asks_index(w: Workspace) -> int:
     """1 if the pairs of this scene are searched in its index, else 0."""
     searched = w.settings.index_kind != IndexKind.BRUTE_FORCE
-    return int(w.groups.shape[0] > FEW and searched)
+    return int(w.settings.modelled > FEW and searched)
 
 
 @kernel(separate=True)
@@ -68,6 +58,8 @@ def judge_motions(w: Workspace) -> None:
         count = go_through_pairs(w)
     else:
         count = look_for_pairs(w)
+    if w.settings.sensed != 0:
+        count = judge_sensed(count, w)
     w.header.near_count = count
     decide(count, w)
 
@@ -142,78 +134,6 @@ def look_for_pairs(w: Workspace) -> int:
             else:
                 count = judge_pair(i, j, need, look, known, count, w)
     return count
-
-
-@kernel(separate=True)
-def judge_pair(
-    i: int, j: int, need: float, look: float, known: float, count: int, w: Workspace
-) -> int:
-    """Measure a pair and prove it, if it may matter; write its row, if it is near.
-
-    Args:
-        i: Lower primitive.
-        j: Higher primitive.
-        need: Static need of the pair, inf if it has to be proven in full [m].
-        look: Distance beyond which the pair does not matter [m].
-        known: Lower bound of its distance during the stops [m].
-        count: Count of rows of the answer.
-        w: The workspace.
-
-    Returns:
-        New count of rows.
-    """
-    if not measures_row(i, j, look, count, w):
-        return count
-    v, near = w.watch, w.near[count]
-    distance = near.distance
-    if distance > w.settings.margin and is_far_along(i, j, need, known, near, w):
-        return count
-    open_row(i, j, near, w)
-    if not distance - w.buffers[w.groups[i], w.groups[j]] >= 0.0:
-        # Links may be farther apart than the primitives that enclose them.
-        refine_pair(i, j, near, w)
-    judge_motion(i, j, near, w)
-    if (
-        distance > w.settings.margin
-        and near.headroom >= hidden_by_error(i, j, w, v)
-        and near.time_left >= HYSTERESIS * v.timing.slow_time
-    ):
-        note_pair(i, j, NO_ROW, near, w, v)
-        return count
-    note_pair(i, j, count, near, w, v)
-    return count + 1
-
-
-@kernel
-def is_far_along(
-    i: int, j: int, need: float, known: float, near: NearRow, w: Workspace
-) -> bool:
-    """Whether a measured pair cannot matter by its motion along the normal.
-
-    Args:
-        i: Lower primitive.
-        j: Higher primitive.
-        need: Static need of the pair, inf if it has to be proven in full [m].
-        known: Lower bound of its distance during the stops [m].
-        near: The pair's row; its witness is written already.
-        w: The workspace.
-    """
-    v, m = w.watch, w.motion
-    kept = need + v.ahead[i]
-    body_i, body_j = w.bodies[i], -1
-    if j < m.rate.shape[0]:
-        body_j = w.bodies[j]
-        kept += v.ahead[j]
-    if not near.distance > kept or v.tight[i] == 0 or (body_j >= 0 and v.tight[j] == 0):
-        return False
-    n = normal_of(near)
-    shared = shared_joints(body_i, body_j, m)
-    speed = bound_along(SPEED, n, i, j, body_i, body_j, shared, m)
-    kept += max(LOOK_AHEAD * v.timing.slow_time * speed, hidden_by_error(i, j, w, v))
-    if known >= kept:
-        return True
-    travel = bound_along(TRAVEL, n, i, j, body_i, body_j, shared, m)
-    return bool(near.distance - travel >= kept)
 
 
 @kernel

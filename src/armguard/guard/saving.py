@@ -28,6 +28,7 @@ from armguard.guard.checkpoint_bounds import (
 from armguard.guard.given import CycleInput
 from armguard.guard.holding import Holding
 from armguard.guard.objects import Objects
+from armguard.guard.sensed_space import SensedSpace
 from armguard.guard.static_errors import static_errors
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Memory
@@ -45,6 +46,7 @@ class Saving:
         given: Input of cycles.
         holding: Held objects.
         objects: Objects of the scene.
+        sensed: Sensed space.
         rules: Permitted integers of a checkpoint.
         layout: Digest of the saved arrays; empty until it is needed.
     """
@@ -56,6 +58,7 @@ class Saving:
     given: CycleInput
     holding: Holding
     objects: Objects
+    sensed: SensedSpace
     rules: Rules = field(default_factory=lambda: BOUNDS)
     layout: bytes = b""
 
@@ -128,6 +131,7 @@ class Saving:
         self.objects.changed = set(changed)
         stand(index, places, **{name: found[name] for name in where})
         self._renew_static_errors()
+        self.sensed.renew()
         self.holding.grippers.tables_changed()
         self.memory.kept_count = 0
 
@@ -142,6 +146,7 @@ class Saving:
         for name, array in self.arrays.items():
             array[...] = other.arrays[name]
         self._renew_static_errors()
+        self.sensed.renew()
         self.holding.grippers.show_those_coarse()
         self.given.last_stamp = other.given.last_stamp
 

@@ -110,8 +110,8 @@ def self_test(guard: Loop) -> SelfTestReport:
 def untouched(guard: Loop) -> Iterator[None]:
     """Restore the state of a guard afterwards.
 
-    Meanwhile moving objects count as always seen, and intents are not read: a test
-    approach must not open a contract.
+    Meanwhile moving objects count as always seen, cells are left out, and intents are
+    not read: a test approach must not open a contract.
     """
     watch, grips, settings = guard._watch, guard._grips, guard._settings
     before = {name: array.copy() for name, array in watch._asdict().items()}
@@ -120,7 +120,8 @@ def untouched(guard: Loop) -> Iterator[None]:
         grips.may.copy(),
         int(settings.intents),
     )
-    settings.intents = 0
+    sensed = int(settings.sensed)
+    settings.intents = settings.sensed = 0
     see_movers(watch)
     try:
         yield
@@ -129,7 +130,7 @@ def untouched(guard: Loop) -> Iterator[None]:
         for name, array in before.items():
             getattr(watch, name)[...] = array
         grips.contracts[:], grips.may[:] = contracts, may
-        settings.intents = intents
+        settings.intents, settings.sensed = intents, sensed
 
 
 def see_movers(watch: Watch) -> None:

@@ -27,7 +27,12 @@ ABOUT_PAIRS = (
 )
 
 # Reasons whose value is a time.
-IN_MILLISECONDS = (Reason.STAMP_AHEAD, Reason.STATE_STALE)
+IN_MILLISECONDS = (
+    Reason.STAMP_AHEAD,
+    Reason.STATE_STALE,
+    Reason.CELLS_AHEAD,
+    Reason.CELLS_STALE,
+)
 
 # The action of a level, in a word. The word of `RECOVER` is that of its reason.
 ACTIONS = {

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.grips import Grips
 from armguard.guard.layout import Header, NearRow, RobotRow
+from armguard.guard.sensed import Sensed
 from armguard.guard.watch import Watch
 from armguard.index.octree_state import OctreeState
 from armguard.index.world import World
@@ -59,6 +60,8 @@ class Settings:
         intents: 1 where contracts by intent are opened.
         margin: Reporting distance [m].
         static_need: Upper bound of the static need of any pair [m].
+        modelled: Number of primitives of the scene; slots come after them.
+        sensed: 1 where sensed cells are judged.
     """
 
     moving_count: int
@@ -68,6 +71,8 @@ class Settings:
     intents: int
     margin: float
     static_need: float
+    modelled: int
+    sensed: int
 
 
 @record
@@ -150,6 +155,7 @@ class Workspace(NamedTuple):
         grips: Contracts and grippers.
         world: Primitives in the world.
         octree: State of the octree.
+        sensed: Sensed cells.
     """
 
     lower: Vector
@@ -191,6 +197,7 @@ class Workspace(NamedTuple):
     grips: Annotated[Grips, TABLE]
     world: World
     octree: OctreeState
+    sensed: Annotated[Sensed, TABLE]
 
 
 open_workspace = opener(Workspace)

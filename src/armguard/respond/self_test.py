@@ -33,8 +33,9 @@ def filter_line(guard: Loop, filter: Filter, engage: Engage) -> SelfTestLine:
     Raises:
         SelfTestError: The robot touches, never moves, or may not move away.
     """
-    watch = guard._watch
-    seen = watch.seen_at.copy()
+    watch, settings = guard._watch, guard._settings
+    seen, sensed = watch.seen_at.copy(), int(settings.sensed)
+    settings.sensed = 0
     see_movers(watch)
     try:
         for approach in find_approaches(guard):
@@ -44,6 +45,7 @@ def filter_line(guard: Loop, filter: Filter, engage: Engage) -> SelfTestLine:
     finally:
         guard.reset()
         watch.seen_at[:] = seen
+        settings.sensed = sensed
 
 
 def pushed(

@@ -33,6 +33,7 @@ from armguard.scene.layout import Layout, PrimitiveNames
 from armguard.scene.objects import NAMED_STRANGE
 from armguard.scene.scene import Scene, SceneRobot
 from armguard.scene.schema import BRIEF
+from armguard.scene.sensing import SENSED
 from armguard.scene.standing import standing_objects
 from armguard.scene.tables import LinkFrame, RobotPart, SceneTables
 
@@ -75,10 +76,12 @@ def compile_scene(scene: Scene) -> SceneTables:
     group = [rules.group_of[b.owner] for b in blocks]
     groups = repeated(np.array(group, dtype=np.int32), blocks)
     moving = int(np.count_nonzero(bodies >= 0))
+    limits = limits_of(scene)
     cube = root_cube(layout, kinds, bodies, rows)
     return SceneTables(
         q_names=scene.q_names,
-        **limits_of(scene),
+        lower=limits[0],
+        upper=limits[1],
         home=scene.home,
         parent=joined.parent,
         joint_kind=joined.joint_kind,
@@ -116,14 +119,15 @@ def compile_scene(scene: Scene) -> SceneTables:
         period=scene.period,
         late=scene.late,
         holds=holds,
+        sensing=scene.sensing,
     )
 
 
-def limits_of(scene: Scene) -> dict[str, NDArray[np.float64]]:
+def limits_of(scene: Scene) -> tuple[Floats, Floats]:
     """Lower and upper limits of all joints, each of shape (n,) [rad or m]."""
     limits = zip(*(joint_limits(r.model) for r in scene.robots.values()), strict=True)
     lower, upper = map(np.concatenate, limits)
-    return {"lower": lower, "upper": upper}
+    return lower, upper
 
 
 def link_blocks(layout: Layout) -> Iterator[Block]:
@@ -178,7 +182,8 @@ def rules_and_holds(
         start += len(block)
         places[block.owner] = (first, start)
     moving = {block.owner for block in blocks if block.body >= 0}
-    rules = pair_rules(scene, allowed_pairs(scene), owners=list(places), moving=moving)
+    owners = [*places, *(() if scene.sensing is None else (SENSED,))]
+    rules = pair_rules(scene, allowed_pairs(scene), owners=owners, moving=moving)
     grippers = gripper_parts(layout)
     free_coarse(rules.checked, rules.buffers, rules.group_of, grippers)
     still = np.ones(len(rules.checked), dtype=np.uint8)

@@ -29,6 +29,8 @@ from armguard.scene.schema import (
     in_other_units,
 )
 from armguard.scene.sensing import (
+    SENSED,
+    UNSEEN,
     ReflexSettings,
     SceneSensing,
     SceneZone,
@@ -313,14 +315,17 @@ class Contents:
         smaller as soon as one robot is not "fixed", since the larger of a pair counts.
 
         Args:
-            body: 'robot/link', a robot, or an object.
+            body: 'robot/link', a robot, an object, or `SENSED`.
         """
         item = self._objects.get(body)
         carrier = body if item is None else item.attached_to
+        if body == SENSED:
+            carrier = None
         near = list(self._robots.values())
         if carrier is not None:
             near = [self._robots[carrier.split("/", 1)[0]]]
-        own = near[0].buffer if item is None else item.buffer
+        own = None if carrier is None else near[0].buffer
+        own = own if item is None else item.buffer
         return self._usual({robot.mode for robot in near}) if own is None else own
 
     def _usual(self, modes: set[Mode]) -> float:
@@ -352,8 +357,8 @@ class Contents:
                 f"'{name}' is no name; it must not be empty, hold '/', or start or end "
                 "in a blank"
             )
-        taken = self._robots, self._objects, self._sensor_entries
-        if any(name in names for names in taken):
+        taken = (self._robots, self._objects, self._sensor_entries, (SENSED, UNSEEN))
+        if any(name in one for one in taken):
             raise SceneError(f"the name '{name}' is taken; give another")
 
     def _check_body(self, body: str, *, link: bool = False) -> None:

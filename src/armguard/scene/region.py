@@ -39,6 +39,23 @@ def check_region(sensing: SceneSensing, robots: Iterable[SceneRobot]) -> None:
             )
 
 
+def check_modes(robots: Iterable[SceneRobot]) -> None:
+    """Check that every robot has a mode that reads cells.
+
+    Args:
+        robots: Robots of a scene with sensed space.
+
+    Raises:
+        SceneError: A robot is in mode "fixed".
+    """
+    for robot in robots:
+        if robot.mode == "fixed":
+            raise SceneError(
+                f"robot '{robot.name}' is in mode 'fixed', which reads no cells: give "
+                "it mode 'path' or 'speed', or leave `sensing` out"
+            )
+
+
 def reached_points(robot: SceneRobot) -> NDArray[np.float64]:
     """Origins of a robot's bodies at random positions, world, shape (k, 3) [m]."""
     table = kinematic_table(robot.model)

@@ -32,7 +32,7 @@ from armguard.scene.objects import (
     strange_lengths,
     warn_of_length,
 )
-from armguard.scene.region import check_region
+from armguard.scene.region import check_modes, check_region
 from armguard.scene.robots import (
     SceneRobot,
     check_figures,
@@ -424,6 +424,7 @@ class Scene(Contents):
         check_figures(self._robots.values())
         if self.sensing is not None:
             check_region(self.sensing, self._robots.values())
+            check_modes(self._robots.values())
         for item in self._objects.values():
             for support in item.rests_on or ():
                 self._check_body(support)

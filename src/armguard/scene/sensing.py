@@ -92,6 +92,9 @@ def check_reflex_sensor(sensor: SceneSensor, distance: float) -> None:
         )
 
 
+# Names of bodies in verdicts: of sensed cells, and of space that no sensor has seen.
+SENSED, UNSEEN = "something sensed", "space not known free"
+
 # How space counts that no sensor has seen free: as free; as an obstacle that is
 # stationary; as one that moves at the intruder's speed.
 Unknown = Literal["free", "still", "moving"]
@@ -177,6 +180,7 @@ class SensingSettings:
             "moving", as one that grows at the intruder's speed; "free".
         reason: Why it is free; required then.
         intruder: What may come into the region, unseen.
+        stale: Age of the cells from which on all robots stop [s].
     """
 
     __pydantic_config__ = CLOSED
@@ -186,6 +190,7 @@ class SensingSettings:
     unknown: Unknown
     reason: str | None = None
     intruder: IntruderSettings
+    stale: Seconds = 1.0
 
     @model_validator(mode="after")
     def _free_for_a_reason(self) -> Self:

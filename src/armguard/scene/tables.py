@@ -10,6 +10,7 @@ from armguard.geometry.shapes import Shape
 from armguard.robot.stopping import StoppingFigures
 from armguard.scene.exact import ExactTables
 from armguard.scene.hold_tables import HoldTables
+from armguard.scene.sensing import SceneSensing
 from armguard.scene.settings import IndexSettings, Mode, ResponseSettings
 from armguard.scene.standing import Standing
 
@@ -107,6 +108,8 @@ class SceneTables:
         period: Time from one cycle to the next [s].
         late: How much later than that it may come [s].
         holds: Grippers and what they may grip.
+        sensing: Sensed space; None if the scene has none.
+        slots: Primitives at the end that stand for sensed cells, see `with_slots`.
     """
 
     q_names: tuple[str, ...]
@@ -149,3 +152,10 @@ class SceneTables:
     period: float
     late: float
     holds: HoldTables
+    sensing: SceneSensing | None
+    slots: int = 0
+
+    @property
+    def modelled(self) -> int:
+        """Number of primitives of the scene; slots for sensed cells come after them."""
+        return len(self.kinds) - self.slots

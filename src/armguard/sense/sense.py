@@ -89,7 +89,7 @@ class Sense:
             for name, sensor in scene.sensors.items()
         }
         self.intakes: Counter[Intake] = Counter()
-        self._start, self._stamp = inf, -inf
+        self._start, self._stamp, self._sent = inf, -inf, -inf
 
     @property
     def health(self) -> Mapping[str, SensorHealth]:
@@ -116,7 +116,9 @@ class Sense:
         if not self._history.add(q, stamp):
             return self._counted(Intake.NO_JOINTS)
         now = self._history.newest
-        self._start = min(self._start, now)
+        if self._start == inf:
+            # No claim is older than the first joint positions.
+            self._start, self._sent = now, now - 1.0
         for station in self._stations.values():
             station.health.listen(now, self._start)
         self._update_guard()
@@ -216,7 +218,9 @@ class Sense:
         repeated = station.tests.repeats(frame, taken)
         station.tests.test(frame, mount, prediction, taken)
         station.align(frame, mount, placed, prediction, taken)
-        trusted = health.trusted and not repeated
+        claimed = taken - view.sensor.jitter
+        # What a sensor frees first must not be older than what the guard believes.
+        trusted = health.trusted and not repeated and claimed >= self._sent
         if trusted:
             self._missing.look(view, frame, prediction, taken)
         hits = self._hits(view, mount, placed, frame, prediction)
@@ -228,12 +232,14 @@ class Sense:
         if not trusted:
             through[:] = np.nan
         self.cells.depth(
-            hits, T, view.sensor.focal, view.sensor.middle, taken - view.sensor.jitter,
+            hits, T, view.sensor.focal, view.sensor.middle, claimed,
             reach=view.reach, single=not view.sensor.image,
             freeing=view.freeing(through), clearing=through,
             error=view.sensor.error + mount.shift + mount.turn * view.reach,
         )  # fmt: skip
-        self._stamp = max(self._stamp, taken - view.sensor.jitter)
+        self._stamp = max(self._stamp, claimed)
+        if trusted:
+            station.freed = claimed
         self._update_guard()
         return Intake.TAKEN if trusted else Intake.HITS_ONLY
 
@@ -257,9 +263,18 @@ class Sense:
             self._masks.forget()
 
     def _update_guard(self) -> None:
-        """Let the guard take a bounded number of changes."""
-        if self._guard is not None and self._stamp > -inf:
-            self._guard.update_cells(self.deltas(), self._stamp)
+        """Let the guard take a bounded number of changes.
+
+        The claims of the map hold since the oldest of the newest frames of all sensors
+        that have freed space, as soon as no change of it waits.
+        """
+        freed = [one.freed for one in self._stations.values() if one.freed > -inf]
+        if self._guard is None or not freed:
+            return
+        changes = self.deltas()
+        if len(changes) < MOST_DELTAS:
+            self._sent = max(self._sent, min(freed))
+        self._guard.update_cells(changes, self._sent)
 
     def _counted(self, intake: Intake) -> Intake:
         self.intakes[intake] += 1
@@ -273,6 +288,8 @@ class Station:
         view: Its view.
         health: Its health.
         tests: Tests of its frames.
+        freed: Time of the newest of its frames that has freed space, minus infinity
+            without any [s].
 
     Args:
         view: Its view.
@@ -284,7 +301,7 @@ class Station:
         self.tests = FrameTests(view, self.health)
         tables = world.tables
         self._alignment = Alignment(view, tables.kinds, tables.model_errors)
-        self._moved = False
+        self._moved, self.freed = False, -inf
 
     def align(
         self, frame: Frame, mount: Mount, placed: Placed, prediction: Prediction,

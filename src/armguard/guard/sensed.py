@@ -1,0 +1,203 @@
+"""Sensed space of a guard: its cells, and slots for those that are near a robot.
+
+Cells of four kinds are obstacles. Each kind has some slots: primitives at the end of
+the tables that are boxes around cells while these are near a robot.
+"""
+
+from enum import IntEnum
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from armguard.cells.clearance import Query
+from armguard.cells.state import (
+    NONE,
+    Bits,
+    Claims,
+    Triple,
+    Words,
+    empty_bits,
+)
+from armguard.record import record, records
+from armguard.scene.sensing import SceneSensing
+from armguard.scene.tables import SceneTables
+from armguard.table import TABLE, IntMatrix, IntVector, table
+
+
+class CellKind(IntEnum):
+    """Kind of an obstacle that consists of cells.
+
+    Attributes:
+        STILL: Occupied cells that stand still.
+        MOVING: Occupied cells that may move as an intruder does, since their stamp.
+        UNSEEN: Cells that are not known free, and stand still.
+        GROWING: Cells that are not known free, from which an intruder may come.
+    """
+
+    STILL = 0
+    MOVING = 1
+    UNSEEN = 2
+    GROWING = 3
+
+
+# Kind of cells that are not known free, by `unknown` of the scene; -1 for none.
+KIND_OF = {"free": -1, "still": CellKind.UNSEEN, "moving": CellKind.GROWING}
+
+# Kinds that grow at the intruder's speed.
+GROWS = (CellKind.MOVING, CellKind.GROWING)
+
+# Slots of each kind. A slot in use has a row of the answer, and the program of a
+# robot has room for the rows of 48 near pairs.
+SLOTS = (48, 24, 24, 24)
+
+
+@record
+class Knowledge:
+    """What is known of all cells together.
+
+    Attributes:
+        stamp: Time at which the claims of all cells hold, -inf before the first [s].
+        newest: Newest stamp of a claim [s].
+        oldest: Oldest stamp of a moving cell, inf if none moves [s].
+        error: Greatest error of a claim [m].
+        speed: Greatest speed of an intruder [m/s].
+        stale: Age from which on all robots stop [s].
+        outside: `CellKind` of space outside the region, -1 for free space.
+        used: Slots in use, of the kind that is judged.
+        spent: 1 where slots or boxes did not suffice, for the kind that is judged.
+        boxes: Boxes of cells that were compared in this judgement.
+    """
+
+    stamp: float
+    newest: float
+    oldest: float
+    error: float
+    speed: float
+    stale: float
+    outside: int
+    used: int
+    spent: int
+    boxes: int
+
+
+@record
+class Search:
+    """What the cells near a primitive are compared with.
+
+    Attributes:
+        primitive: The primitive.
+        kind: `CellKind` that is judged.
+        level: What becomes one slot, see `judge_kind`.
+        low: Lower corner of the box that its cells meet if they matter, world [m].
+        high: Its upper corner [m].
+        look: Distance beyond which cells do not matter [m].
+    """
+
+    primitive: int
+    kind: int
+    level: int
+    low: Triple
+    high: Triple
+    look: float
+
+
+@record
+class Gathered:
+    """Cells that are to be one slot.
+
+    Attributes:
+        count: Words that were added.
+        low: Lower corner of a box around them, world [m].
+        high: Its upper corner [m].
+        stamp: Oldest of their stamps [s].
+        error: Greatest of their errors [m].
+    """
+
+    count: int
+    low: Triple
+    high: Triple
+    stamp: float
+    error: float
+
+
+@table
+class Sensed(NamedTuple):
+    """Cells that a guard knows.
+
+    Attributes:
+        claims: Claims of the map.
+        still: Cells of kind STILL, without those that objects claim.
+        moving: Cells of kind MOVING, likewise.
+        unseen: Cells of kind UNSEEN, likewise.
+        growing: Cells of kind GROWING, likewise.
+        may_be_unseen: Cells that are of kind UNSEEN while they are not known free,
+            shape (words,).
+        may_be_growing: The same of kind GROWING.
+        claimed: Cells inside objects of the scene, shape (words,).
+        carried: Primitives that a robot may carry, shape (k,).
+        slots: First slot of each kind, and the one after its last, shape (4, 2).
+        about: What is known of all cells together.
+        query: Scratch: a primitive.
+        search: Scratch: what cells near it are compared with.
+        gathered: Scratch: cells that are to be one slot.
+    """
+
+    claims: Annotated[Claims, TABLE]
+    still: Annotated[Bits, TABLE]
+    moving: Annotated[Bits, TABLE]
+    unseen: Annotated[Bits, TABLE]
+    growing: Annotated[Bits, TABLE]
+    may_be_unseen: Words
+    may_be_growing: Words
+    claimed: Words
+    carried: IntVector
+    slots: IntMatrix
+    about: Knowledge
+    query: Query
+    search: Search
+    gathered: Gathered
+
+
+def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
+    """Sensed space of a guard that has seen nothing.
+
+    Args:
+        tables: Its tables.
+        claims: Claims of a map that has seen nothing.
+    """
+    words = len(claims.stamp)
+    still, moving, unseen, growing = (empty_bits(words, NONE) for _ in range(4))
+    masks = [np.zeros(words, dtype=np.uint64) for _ in range(3)]
+    ends = tables.modelled + np.cumsum((0, *SLOTS))
+    slots = np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32)
+    carried = [
+        np.arange(*tables.holds.places[name]) for name in tables.holds.objects
+    ] or [np.zeros(0, dtype=np.int64)]
+    return Sensed(
+        claims=claims,
+        still=still,
+        moving=moving,
+        unseen=unseen,
+        growing=growing,
+        may_be_unseen=masks[0],
+        may_be_growing=masks[1],
+        claimed=masks[2],
+        carried=np.concatenate(carried).astype(np.int32),
+        slots=slots,
+        about=knowledge_of(tables.sensing),
+        query=records((), Query),
+        search=records((), Search),
+        gathered=records((), Gathered),
+    )
+
+
+def knowledge_of(sensing: SceneSensing | None) -> Knowledge:
+    """Knowledge before the first claims."""
+    about = records((), Knowledge)
+    about.stamp = about.newest = -np.inf
+    about.oldest, about.outside = np.inf, -1
+    if sensing is not None:
+        about.speed, about.stale = sensing.intruder.speed, sensing.stale
+        about.outside = KIND_OF[sensing.unknown]
+    found: Knowledge = about
+    return found

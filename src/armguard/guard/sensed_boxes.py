@@ -1,0 +1,145 @@
+"""Boxes around cells, in slots of the tables."""
+
+from math import inf
+
+import numpy as np
+
+from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z
+from armguard.cells.state import WORD_SIDE, Bits
+from armguard.cells.words import place_of_word
+from armguard.geometry.vec3 import Vec3
+from armguard.guard.needs import robot_of
+from armguard.guard.sensed import CellKind, Sensed
+from armguard.guard.sensed_words import inside_of_word
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+
+UNSEEN = int(CellKind.UNSEEN)
+
+# Extent of the space outside the region [m].
+FAR = 100.0
+
+
+@kernel
+def gather(low: Vec3, high: Vec3, s: Sensed) -> None:
+    """Add a box to the cells that are to be one slot."""
+    g = s.gathered
+    if g.count == 0:
+        g.stamp, g.error = inf, 0.0
+        for k in range(3):
+            g.low[k], g.high[k] = inf, -inf
+    g.count += 1
+    for k in range(3):
+        g.low[k], g.high[k] = min(g.low[k], low[k]), max(g.high[k], high[k])
+
+
+@kernel
+def gather_word(word: int, corner: Vec3, cells: Bits, w: Workspace) -> None:
+    """Add the cells of a word, but for those of objects that a robot carries.
+
+    Args:
+        word: The word.
+        corner: Its lower corner [m].
+        cells: The cells of the kind that is judged.
+        w: The workspace.
+    """
+    s = w.sensed
+    claims, g = s.claims, s.gathered
+    left = cells.words[word]
+    for k in range(s.carried.shape[0]):
+        i = int(s.carried[k])
+        if robot_of(i, w.watch) >= 0:
+            place = place_of_word(word, claims.lattice.blocks)
+            left &= ~inside_of_word(
+                place, w.world.kinds[i], w.world.rows[i], claims.lattice.cell,
+                claims.lattice,
+            )  # fmt: skip
+    if left == 0:
+        return
+    cell = claims.lattice.cell
+    x0, x1 = ends_along(left, ALONG_X, 1)
+    y0, y1 = ends_along(left, ALONG_Y, 4)
+    z0, z1 = ends_along(left, ALONG_Z, 16)
+    low = (corner[0] + x0 * cell, corner[1] + y0 * cell, corner[2] + z0 * cell)
+    high = (corner[0] + x1 * cell, corner[1] + y1 * cell, corner[2] + z1 * cell)
+    gather(low, high, s)
+    stamp = s.about.stamp if s.search.kind >= UNSEEN else claims.stamp[word]
+    g.stamp = min(g.stamp, stamp)
+    g.error = max(g.error, float(claims.error[word]))
+
+
+@kernel
+def ends_along(cells: np.uint64, one: np.uint64, step: int) -> tuple[int, int]:
+    """First cell of a word along an axis that is set, and the one after the last.
+
+    Args:
+        cells: Cells of the word, not empty.
+        one: Bits of the cells at place 0 along the axis.
+        step: Bits from one place to the next.
+    """
+    first, end = WORD_SIDE, 0
+    for k in range(WORD_SIDE):
+        if cells & (one << np.uint64(k * step)) != 0:
+            first, end = min(first, k), k + 1
+    return first, end
+
+
+@kernel(inline=False)
+def slot_of_gathered(free: int, w: Workspace) -> int:
+    """Slot around the cells that were gathered, grown by their error.
+
+    Args:
+        free: First slot that is not in use; it is placed there if no other one is.
+        w: The workspace; nothing is gathered afterwards.
+
+    Returns:
+        The slot, or the one after the last if all are in use.
+    """
+    s = w.sensed
+    g = s.gathered
+    g.count = 0
+    x = (0.5 * (g.low[0] + g.high[0]), 0.5 * (g.high[0] - g.low[0]))
+    y = (0.5 * (g.low[1] + g.high[1]), 0.5 * (g.high[1] - g.low[1]))
+    z = (0.5 * (g.low[2] + g.high[2]), 0.5 * (g.high[2] - g.low[2]))
+    for j in range(s.slots[s.search.kind, 0], free):
+        row = w.world.rows[j]
+        same = row[0] == g.error and w.watch.seen_at[j] == g.stamp
+        same &= row[1] == x[0] and row[4] == x[1] and row[2] == y[0]
+        if same and row[5] == y[1] and row[3] == z[0] and row[6] == z[1]:
+            return j
+    if free == s.slots[s.search.kind, 1]:
+        return free
+    row, box = w.world.rows[free], w.world.boxes[free]
+    row[0], row[1], row[2], row[3] = g.error, x[0], y[0], z[0]
+    row[4], row[5], row[6] = x[1], y[1], z[1]
+    for k in range(3):
+        box[k], box[k + 3] = g.low[k] - g.error, g.high[k] + g.error
+    w.watch.seen_at[free] = g.stamp
+    return free
+
+
+@kernel
+def slab_corner(axis: int, side: int, end: int, first: Vec3, last: Vec3) -> Vec3:
+    """Corner of the space beyond a face of the region [m].
+
+    Args:
+        axis: Axis along its normal.
+        side: 0 for the face with the lower coordinate.
+        end: 0 for the lower corner.
+        first: Lower corner of the region [m].
+        last: Upper corner [m].
+    """
+    x = slab_end(axis == 0, side, end, first[0], last[0])
+    y = slab_end(axis == 1, side, end, first[1], last[1])
+    z = slab_end(axis == 2, side, end, first[2], last[2])
+    return (x, y, z)
+
+
+@kernel
+def slab_end(along: bool, side: int, end: int, first: float, last: float) -> float:
+    """One coordinate of a corner, see `slab_corner` [m]."""
+    if along and side == 0 and end == 1:
+        return first
+    if along and side == 1 and end == 0:
+        return last
+    return last + FAR if end == 1 else first - FAR

@@ -1,0 +1,333 @@
+"""The walk: near pairs of robots and of the cells that they know or do not know.
+
+For each moving primitive the summaries of the cells are descended. A group or a word
+that is farther from the primitive than a stop, the errors, the age of the cells and new
+commands can matter is left out with all that is in it. Every other word becomes a box
+in a slot, and is judged as a pair of the scene is; a slot stays in use where the answer
+has a row of the pair. If the slots do not suffice, the cells of a group are judged as
+one box, then all those that are near the primitive.
+
+Slots are functions of the cells and of the cycle's input alone.
+"""
+
+from math import inf
+
+import numpy as np
+
+from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z, range_bits
+from armguard.cells.state import (
+    ALL,
+    BLOCK_SIDE,
+    GROUP_SIDE,
+    MEMBERS,
+    WORD_SIDE,
+    Bits,
+)
+from armguard.cells.words import (
+    bit,
+    corner_of,
+    member_corner,
+    place_of_block,
+)
+from armguard.geometry.cell_gap import cell_gap
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.vec3 import Vec3
+from armguard.guard.change import TOO_MANY
+from armguard.guard.demands import demand_stop
+from armguard.guard.judged_pair import judge_pair
+from armguard.guard.levels import Reason
+from armguard.guard.near_pairs import is_idle
+from armguard.guard.needs import static_need
+from armguard.guard.search_distance import lever_look, pair_look, way_until_look
+from armguard.guard.sensed import CellKind, Search, Sensed
+from armguard.guard.sensed_boxes import (
+    gather,
+    gather_word,
+    slab_corner,
+    slot_of_gathered,
+)
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+from armguard.lanes import lowest
+
+STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.UNSEEN)
+KINDS = len(CellKind)
+
+CROWDED = int(Reason.CROWDED)
+
+# What becomes one slot: the cells of a word, of a group, or all that are near.
+WORDS, GROUPS, EVERYTHING = 0, 1, 2
+
+# Boxes of cells that one judgement compares at most, at some 30 nanoseconds each.
+MOST_BOXES = 20_000
+
+
+@kernel(separate=True, optional=True)
+def judge_sensed(count: int, w: Workspace) -> int:
+    """Measure and prove the pairs of robots and sensed cells that may matter to a stop.
+
+    Args:
+        count: Count of rows of the answer.
+        w: The workspace, after `write_looks`.
+
+    Returns:
+        New count of rows.
+    """
+    if w.motion.span.segment != 0:
+        return count
+    s = w.sensed
+    s.about.boxes = 0
+    for kind in range(KINDS):
+        if has_cells(cells_of(kind, s)) or s.about.outside == kind:
+            count = judge_kind(kind, count, w)
+    return count
+
+
+@kernel
+def cells_of(kind: int, s: Sensed) -> Bits:
+    """Cells of a kind."""
+    if kind == STILL:
+        return s.still
+    if kind == MOVING:
+        return s.moving
+    return s.unseen if kind == UNSEEN else s.growing
+
+
+@kernel
+def has_cells(cells: Bits) -> bool:
+    """Whether a set of cells is not empty."""
+    for root in range(cells.roots.shape[0]):
+        if cells.roots[root] != 0:
+            return True
+    return False
+
+
+@kernel(inline=False)
+def judge_kind(kind: int, count: int, w: Workspace) -> int:
+    """Judge the cells of a kind, as coarsely as its slots require.
+
+    Returns:
+        New count of rows.
+    """
+    s, v = w.sensed, w.watch
+    about, search = s.about, s.search
+    first, notes = count, v.judged_count[0]
+    search.kind = kind
+    slot = int(s.slots[kind, 0])
+    for level in range(EVERYTHING + 1):
+        search.level = level
+        about.used = about.spent = 0
+        count, v.judged_count[0] = first, notes
+        for i in range(w.settings.moving_count):
+            checked = w.checked[w.groups[i], w.groups[slot]] != 0
+            if checked and about.spent == 0 and not is_idle(i, v.robot_of, w):
+                count = judge_near(i, count, w)
+        if about.spent == 0:
+            return count
+    for r in range(v.must.shape[0]):
+        demand_stop(r, CROWDED, v)
+    w.header.reason = CROWDED
+    v.judged_count[0] = TOO_MANY
+    return count
+
+
+@kernel(inline=False)
+def judge_near(i: int, count: int, w: Workspace) -> int:
+    """Judge the cells near a primitive.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    about, search, lattice = s.about, s.search, s.claims.lattice
+    s.gathered.count = 0
+    if not write_search(i, w):
+        about.spent = 1
+        return count
+    if about.outside == search.kind:
+        count = judge_outside(count, w)
+    cells = cells_of(search.kind, s)
+    for root in range(cells.roots.shape[0]):
+        blocks = cells.roots[root]
+        while blocks != 0:
+            block = (root << 6) + lowest(blocks)
+            blocks &= blocks - bit(0)
+            place = place_of_block(block, lattice.blocks)
+            corner = corner_of(place, BLOCK_SIDE, lattice)
+            groups = within(
+                cells.blocks[block], corner, GROUP_SIDE * lattice.cell, search
+            )
+            while groups != 0:
+                member = lowest(groups)
+                groups &= groups - bit(0)
+                count = judge_group((block << 6) + member, corner, count, cells, w)
+                if about.spent != 0:
+                    return count
+    return judge_gathered(count, w)
+
+
+@kernel
+def write_search(i: int, w: Workspace) -> bool:
+    """Write what the cells near a primitive are compared with.
+
+    Returns:
+        Whether all of it is finite.
+    """
+    s, v, m = w.sensed, w.watch, w.motion
+    about, search, query = s.about, s.search, s.query
+    slot = int(s.slots[search.kind, 0])
+    v.seen_at[slot] = about.oldest if search.kind == MOVING else about.stamp
+    need = static_need(i, slot, w, v, m) + way_until_look(slot, v, m) + about.error
+    way, look = need + 0.5 * w.settings.margin, need + v.look[i]
+    opens = w.settings.contracts != 0 and w.grips.may[w.groups[i], w.groups[slot]] != 0
+    if opens:
+        look = need + lever_look(i, v, m)
+    search.primitive, search.look = i, max(w.settings.margin, look)
+    finite = search.look < inf
+    for k in range(3):
+        if opens:
+            search.low[k] = w.world.boxes[i, k] - search.look
+            search.high[k] = w.world.boxes[i, k + 3] + search.look
+        else:
+            search.low[k] = v.swept[k, i] - way
+            search.high[k] = v.swept[k + 3, i] + way
+        finite &= search.low[k] <= search.high[k]
+    query.kind = w.world.kinds[i]
+    for c in range(ROW_WIDTH):
+        query.row[c] = w.world.rows[i, c]
+    return bool(finite)
+
+
+@kernel
+def within(members: np.uint64, corner: Vec3, edge: float, search: Search) -> np.uint64:
+    """Members of a group or block that meet the search box of a primitive.
+
+    Args:
+        members: The members.
+        corner: Lower corner of the group or block [m].
+        edge: Edge of a member [m].
+        search: The search.
+    """
+    scale = 1.0 / edge
+    low, high = search.low[0] - corner[0], search.high[0] - corner[0]
+    members &= range_bits(low * scale, high * scale, ALONG_X, 1)
+    low, high = search.low[1] - corner[1], search.high[1] - corner[1]
+    members &= range_bits(low * scale, high * scale, ALONG_Y, 4)
+    low, high = search.low[2] - corner[2], search.high[2] - corner[2]
+    return members & range_bits(low * scale, high * scale, ALONG_Z, 16)
+
+
+@kernel
+def is_beyond(low: Vec3, edge: float, s: Sensed) -> bool:
+    """Whether a cube with a lower corner is too far from the primitive to matter."""
+    s.about.boxes += 1
+    if s.about.boxes > MOST_BOXES:
+        s.about.spent = 1
+    high = (low[0] + edge, low[1] + edge, low[2] + edge)
+    query = s.query
+    gap = cell_gap(
+        query.kind, query.row, low[0], low[1], low[2], high[0], high[1], high[2]
+    )
+    return bool(gap - query.row[0] > s.search.look)
+
+
+@kernel(inline=False)
+def judge_group(group: int, corner: Vec3, count: int, cells: Bits, w: Workspace) -> int:
+    """Judge the cells of a group near a primitive; corner is that of its block [m].
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    search, cell = s.search, s.claims.lattice.cell
+    edge = GROUP_SIDE * cell
+    low = member_corner(corner, edge, group & 63)
+    if is_beyond(low, edge, s):
+        return count
+    if search.kind >= UNSEEN and is_full(group, cells):
+        gather(low, (low[0] + edge, low[1] + edge, low[2] + edge), s)
+        s.gathered.stamp = min(s.gathered.stamp, s.about.stamp)
+        s.gathered.error = max(s.gathered.error, s.about.error)
+        return count if search.level == EVERYTHING else judge_gathered(count, w)
+    edge = WORD_SIDE * cell
+    words = within(cells.groups[group], low, edge, search)
+    while words != 0:
+        member = lowest(words)
+        words &= words - bit(0)
+        inner = member_corner(low, edge, member)
+        if not is_beyond(inner, edge, s):
+            gather_word((group << 6) + member, inner, cells, w)
+            if search.level == WORDS:
+                count = judge_gathered(count, w)
+        if s.about.spent != 0:
+            return count
+    return count if search.level == EVERYTHING else judge_gathered(count, w)
+
+
+@kernel
+def is_full(group: int, cells: Bits) -> bool:
+    """Whether all cells of a group are set."""
+    if cells.groups[group] != ALL:
+        return False
+    for k in range(MEMBERS):
+        if cells.words[(group << 6) + k] != ALL:
+            return False
+    return True
+
+
+@kernel(inline=False)
+def judge_gathered(count: int, w: Workspace) -> int:
+    """Judge the cells that were gathered as one box, in their slot or in a free one.
+
+    Returns:
+        New count of rows.
+    """
+    s, v, m = w.sensed, w.watch, w.motion
+    about, search = s.about, s.search
+    if s.gathered.count == 0:
+        return count
+    i, free = search.primitive, int(s.slots[search.kind, 0]) + about.used
+    j = slot_of_gathered(free, w)
+    if j == s.slots[search.kind, 1]:
+        about.spent = 1
+        return count
+    need = static_need(i, j, w, v, m) + way_until_look(j, v, m)
+    need, look, known = pair_look(i, j, need, w)
+    if look < 0.0:
+        w.header.pairs_filtered += 1.0
+        return count
+    before = count
+    count = judge_pair(i, j, need, look, known, count, w)
+    if count > before and j == free:
+        about.used += 1
+    return count
+
+
+@kernel(inline=False)
+def judge_outside(count: int, w: Workspace) -> int:
+    """Judge the space outside the region, one slab beyond each of its faces.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    lattice, search = s.claims.lattice, s.search
+    edge = lattice.side * lattice.cell
+    first = (lattice.low[0], lattice.low[1], lattice.low[2])
+    last = (first[0] + edge, first[1] + edge, first[2] + edge)
+    for axis in range(3):
+        for side in range(2):
+            inside = search.high[axis] <= last[axis]
+            if side == 0:
+                inside = search.low[axis] >= first[axis]
+            if inside or s.about.spent != 0:
+                continue
+            gather(
+                slab_corner(axis, side, 0, first, last),
+                slab_corner(axis, side, 1, first, last),
+                s,
+            )
+            s.gathered.stamp = min(s.gathered.stamp, s.about.stamp)
+            if search.level != EVERYTHING:
+                count = judge_gathered(count, w)
+    return count
