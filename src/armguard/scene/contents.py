@@ -271,11 +271,11 @@ class Contents:
         """
         reflex = checked("reflex", settings, kind=ReflexSettings)
         names: list[str] = []
+        known = {*self._sensors, *self._sensor_entries}
         for name in reflex.sensors:
-            if name not in self._sensors and name not in self._sensor_entries:
-                raise UnknownNameError(
-                    f"no sensor is named '{name}'; {did_you_mean(name, self._sensors)}"
-                )
+            if name not in known:
+                near = did_you_mean(name, known)
+                raise UnknownNameError(f"no sensor is named '{name}'; {near}")
             names += self._sensor_entries.get(name, (name,))
         for name in names:
             check_reflex_sensor(self._sensors[name], reflex.distance)

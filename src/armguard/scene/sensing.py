@@ -20,7 +20,7 @@ from armguard.scene.schema import (
     checked,
     part_of,
 )
-from armguard.scene.sensors import SceneSensor
+from armguard.scene.sensors import SceneSensor, Seconds
 
 Distance = Annotated[Positive, METRES]
 Port = Annotated[int, Field(ge=1, le=65535)]

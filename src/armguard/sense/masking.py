@@ -92,11 +92,11 @@ class Masks:
         self, chosen: NDArray[np.int64], placed: Placed, slack: Floats
     ) -> Iterator[MaskRow]:
         """Rows of masks, see `CellMap.mask`."""
-        tables, own = self._world.tables, self._world.own
+        world, own = self._world, self._world.own
         for i in chosen.tolist():
             shift = float(placed.shifts[i])
-            inner = shift + float(tables.model_errors[i]) if own[i] else np.inf
-            kind, row = int(tables.kinds[i]), placed.rows[i]
+            inner = shift + float(world.model_errors[i]) if own[i] else np.inf
+            kind, row = int(world.kinds[i]), placed.rows[i]
             if kind == HALF_SPACE:
                 kind, row = BOX, self._slab(row)
             yield kind, row, inner, shift + float(slack[i])

@@ -214,7 +214,7 @@ class Sense:
         if placed is None:
             raise BadFrameError(Intake.NO_POSITIONS)
         mount = mount_of(view.sensor, self._world, placed)
-        prediction = predict(view, mount, placed, self._world.tables.kinds)
+        prediction = predict(view, mount, placed, self._world.kinds)
         repeated = station.tests.repeats(frame, taken)
         station.tests.test(frame, mount, prediction, taken)
         station.align(frame, mount, placed, prediction, taken)
@@ -253,7 +253,7 @@ class Sense:
         """
         counts = view.clearable(frame.depth, self.cells.cell)
         if not view.sensor.image:
-            kinds = self._world.tables.kinds
+            kinds = self._world.kinds
             counts &= ~explained(view, mount, placed, kinds, frame, prediction)
         return np.where(counts, frame.depth, np.nan)
 
@@ -299,8 +299,7 @@ class Station:
     def __init__(self, view: View, world: World) -> None:
         self.view, self.health = view, SensorHealth(view.sensor)
         self.tests = FrameTests(view, self.health)
-        tables = world.tables
-        self._alignment = Alignment(view, tables.kinds, tables.model_errors)
+        self._alignment = Alignment(view, world.kinds, world.model_errors)
         self._moved, self.freed = False, -inf
 
     def align(

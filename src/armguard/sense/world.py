@@ -47,8 +47,10 @@ class World:
 
     Attributes:
         tables: The compiled scene; that of the guard, if there is one.
+        kinds: ShapeKind of each modelled primitive, shape (p,).
+        model_errors: How far each may reach beyond its surface, shape (p,) [m].
         static: Rows of the primitives that no joint moves, in the order of the tables.
-        object_names: Object of each of all primitives, "" for links, shape (p,).
+        object_names: Object of each primitive, "" for links, shape (p,).
 
     Args:
         scene: The scene.
@@ -58,11 +60,14 @@ class World:
     def __init__(self, scene: Scene, guard: Monitor | None = None) -> None:
         tables = compile_scene(scene) if guard is None else guard.tables
         self.tables, self._moving = tables, tables.moving_count
-        self._count = len(tables.kinds)
-        self.static = tables.local_rows[self._moving :].copy()
-        self._balls = balls_about(tables.kinds, tables.local_rows)
+        # Behind the modelled primitives a guard has slots for sensed cells.
+        self._count = count = tables.modelled
+        self.kinds, self._bodies = tables.kinds[:count], tables.bodies[:count]
+        self.model_errors = tables.model_errors[:count]
+        self.static = tables.local_rows[self._moving : count].copy()
+        self._balls = balls_about(self.kinds, tables.local_rows[:count])
         self.object_names = np.array(
-            ["" if "/" in name else name for name in tables.body_names]
+            ["" if "/" in name else name for name in tables.body_names[:count]]
         )
         for item in tables.standing.values():
             if not item.present and item.body < 0:
@@ -92,7 +97,7 @@ class World:
         if same and np.array_equal(absent, self._balls[self._moving :, 3] < 0.0):
             return False
         self.static = rows.copy()
-        kinds = self.tables.kinds[self._moving :]
+        kinds = self.kinds[self._moving :]
         self._balls[self._moving :] = balls_about(kinds, rows)
         self._balls[self._moving :][absent] = NOWHERE
         return True
@@ -101,7 +106,7 @@ class World:
     def own(self) -> NDArray[np.bool_]:
         """Which primitives robots move, shape (p,): links and held objects."""
         tables = self.tables
-        own = np.zeros(len(tables.kinds), dtype=np.bool_)
+        own = np.zeros(self._count, dtype=np.bool_)
         bodies = tables.bodies[: tables.moving_count]
         # A body that no robot holds has no parent, and it is no root of a robot.
         own[: tables.moving_count] = tables.parent[bodies] >= 0
@@ -129,7 +134,7 @@ class World:
         error = np.maximum(np.maximum(first.error, last.error), middle.error)
         local = np.concatenate([tables.local_rows[: tables.moving_count], self.static])
         rows = np.empty_like(local)
-        place_rows(tables.kinds, tables.bodies, local, T, rows)
+        place_rows(self.kinds, self._bodies, local, T, rows)
         balls, shifts = self._balls.copy(), np.zeros(len(local))
         moving = slice(0, tables.moving_count)
         bodies, centres = tables.bodies[moving], self._balls[moving, :3]

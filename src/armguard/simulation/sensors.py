@@ -235,8 +235,8 @@ def sizes_of(shape: object) -> dict[str, Any]:
         radius = shape.radius + shape.rounding
         return {"type": GEOM.mjGEOM_SPHERE, "size": (radius, 0.0, 0.0)}
     if isinstance(shape, Box):
-        size = np.asarray(shape.half_extents) + shape.rounding
-        return {"type": GEOM.mjGEOM_BOX, "size": size}
+        half = np.asarray(shape.half_extents) + shape.rounding
+        return {"type": GEOM.mjGEOM_BOX, "size": half}
     if isinstance(shape, Cylinder):
         size = (shape.radius + shape.rounding, shape.height / 2.0 + shape.rounding, 0.0)
         return {"type": GEOM.mjGEOM_CYLINDER, "size": size}
