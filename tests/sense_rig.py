@@ -14,7 +14,7 @@ def bay(
     zones=True, camera=True, cell=0.025, unknown="still", size=0.05, **settings
 ):  # fmt: skip
     """The bay with two rings of zones and a camera above the bench."""
-    scene = ag.bay_scene()
+    scene = ag.bay_scene("path")
     scene.set_sensing(
         region={"centre": (-0.4, 0, 1.1), "size": 128}, cell=cell, unknown=unknown,
         intruder={"speed": 1.6, "size": size},

@@ -250,20 +250,19 @@ class Contents:
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
-        known = checked(f"sensor '{name}'", settings, kind=SensorSettings)
-        if known.on is not None:
-            self._check_body(known.on, link=True)
-        made = scene_sensors(name, known, pose or Pose())
-        self._sensors |= {one.name: one for one in made}
+        given = checked(f"sensor '{name}'", settings, kind=SensorSettings)
+        if given.on is not None:
+            self._check_body(given.on, link=True)
+        made = tuple(scene_sensors(name, given, pose or Pose()))
         self._sensor_entries[name] = tuple(one.name for one in made)
-        return tuple(made)
+        self._sensors |= {one.name: one for one in made}
+        return made
 
     def set_reflex(self, **settings: Any) -> None:
         """Declare the reflex that stops the arms by sensors.
 
         Args:
-            settings: See `ReflexSettings`; `sensors` is required. The name of a ring
-                is all of its sensors.
+            settings: See `ReflexSettings`. The name of a ring is all of its sensors.
 
         Raises:
             SceneError: A setting cannot be true, or no zone can see so far.

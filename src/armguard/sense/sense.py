@@ -57,7 +57,7 @@ class Sense:
     Example:
         >>> import numpy as np
         >>> import armguard as ag
-        >>> scene = ag.bay_scene()
+        >>> scene = ag.bay_scene("path")
         >>> scene.set_sensing(
         ...     region={"centre": (-0.4, 0, 1.1), "size": 128}, cell=0.025,
         ...     unknown="still", intruder={"speed": 1.6, "size": 0.05},
