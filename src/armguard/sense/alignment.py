@@ -20,7 +20,7 @@ CAPTURE = 0.12
 
 # Frames of a fit, points of each at most, least points of a fit, and time between two
 # fits [s].
-FRAMES, POINTS, LEAST, EVERY = 12, 64, 120, 0.4
+FRAMES, POINTS, LEAST, EVERY = 10, 64, 120, 0.2
 
 # Steps of a fit. Of the points the share with the largest residuals is left out.
 STEPS, LEFT_OUT = 6, 0.1
@@ -116,7 +116,9 @@ class Alignment:
                 + placed.shifts[prediction.primitive[chosen]]
             )
             points = self._view.points(chosen, depth[chosen])
-            weight = 1.0 / (spread**2 + model**2 + mount.shift**2)
+            # The surface may be oblique, and its distance that of any part of a zone.
+            tilt = 0.5 * (far - near)[chosen]
+            weight = 1.0 / (spread**2 + model**2 + mount.shift**2 + tilt**2)
             self._looks.append(Look(points, weight, mount, placed))
         count = sum(len(look.points) for look in self._looks)
         if now < self._due or len(self._looks) < FRAMES or count < LEAST:

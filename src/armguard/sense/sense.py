@@ -30,6 +30,9 @@ Floats = NDArray[np.float64]
 # A frame may be this much newer than the newest joint positions [s].
 AHEAD = 0.02
 
+# Fits in a row that have to show that a sensor is mounted elsewhere.
+CERTAIN_FITS = 2
+
 # Most changes of the map that a guard is given at once.
 MOST_DELTAS = 512
 
@@ -300,7 +303,7 @@ class Station:
         self.view, self.health = view, SensorHealth(view.sensor)
         self.tests = FrameTests(view, self.health)
         self._alignment = Alignment(view, world.kinds, world.model_errors)
-        self._moved, self.freed = False, -inf
+        self._certain, self.freed = 0, -inf
 
     def align(
         self, frame: Frame, mount: Mount, placed: Placed, prediction: Prediction,
@@ -310,8 +313,8 @@ class Station:
         made = self._alignment.add(frame, mount, placed, prediction, now)
         offset = self._alignment.offset
         if made and offset is not None:
-            self._moved = offset.certain
-        if self._moved:
+            self._certain = self._certain + 1 if offset.certain else 0
+        if self._certain >= CERTAIN_FITS:
             self.health.sign(Fault.MOVED, now, str(offset))
 
 
