@@ -16,9 +16,11 @@ CENTRE, CELL, SIZE = (0.0, 0.0, 0.5), 0.05, 64
 LOW = np.array(CENTRE) - 0.5 * SIZE * CELL
 
 
-def sensed_scene(unknown="free", speed=1.6, cell=CELL, size=SIZE, **settings):
+def sensed_scene(
+    unknown="free", speed=1.6, cell=CELL, size=SIZE, margin=None, **settings
+):
     """A Panda and sensed space."""
-    scene = Scene(period=PERIOD, late=PERIOD)
+    scene = Scene(period=PERIOD, late=PERIOD, margin=margin)
     scene.add_robot("panda", "arm")
     if unknown == "free":
         settings.setdefault("reason", "a test")

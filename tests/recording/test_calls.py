@@ -3,6 +3,7 @@
 import inspect
 import json
 import re
+from base64 import b64encode
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 from armguard import Box, Guard, Pose, Reason, Region, Sphere, bay_scene
+from armguard.cells.deltas import Delta
 from armguard.errors import ArmguardError, RefusedError
 from armguard.guard.objects import SightingError
+from armguard.record import dtype_of
 from armguard.recording.calls import CALLS, Call, GuardCall, call_of
 from armguard.recording.frames import Kind, frame_of, text_frame, text_of
 from armguard.recording.recorded import RecordedGuard
@@ -28,6 +31,10 @@ T = "[[1.0, 0.0, 0.0, 0.1], [0.0, 1.0, 0.0, 0.2], [-0.0, 0.0, 1.0, 0.3], "
 T += "[0.0, 0.0, 0.0, 1.0]]"
 REGION = Region(size=(0.2, 0.2, 0.4), pose=POSE, frame="arm/hand")
 BOX = Box(size=(0.2, 0.4, 0.6))
+
+# Changes of two words of a map.
+CHANGES = b64encode(bytes(range(2 * dtype_of(Delta).itemsize))).decode()
+
 
 # Calls with what programs give them, and their text in recordings since version 0.1.
 EVENTS = (
@@ -100,6 +107,11 @@ EVENTS = (
         '"shape": {"kind": "box", "size": [0.2, 0.4, 0.6], "rounding": 0.0}',
     ),
     ("remove", {"name": "cart"}, '"name": "cart"'),
+    (
+        "update_cells",
+        {"deltas": CHANGES, "stamp": 2.5},
+        f'"deltas": "{CHANGES}", "stamp": 2.5',
+    ),
 )
 
 # What of the guard is no call: cycles, looks, and what only other guards are used for.

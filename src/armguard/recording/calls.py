@@ -5,6 +5,7 @@ and regions either as JSON holds them or as `Guard` takes them. What they may be
 the guard to judge.
 """
 
+from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -12,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator
 
+from armguard.cells.deltas import Delta
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Shape
 from armguard.guard.contract import Region
+from armguard.record import Records, dtype_of
 from armguard.recording.rights import Role
 from armguard.recording.shape_words import shape_of, words_of
 from armguard.respond import Guard
@@ -76,6 +79,29 @@ def region_words(region: Region) -> dict[str, Any]:
     }
 
 
+def changes_in(value: Any) -> Records[Delta]:
+    """Changes of a map, also from their bytes in base 64."""
+    if not isinstance(value, str):
+        found: Records[Delta] = value
+        return found
+    try:
+        rows = np.frombuffer(b64decode(value, validate=True), dtype_of(Delta))
+    except ValueError:
+        raise ValueError(
+            "it must be changes of a map, or their bytes in base 64"
+        ) from None
+    changes: Records[Delta] = rows.view(np.recarray)
+    return changes
+
+
+def changes_words(value: Any) -> str:
+    """Changes of a map as a recording holds them."""
+    return b64encode(value.tobytes()).decode()
+
+
+Changes = Annotated[
+    Any, PlainValidator(changes_in), PlainSerializer(changes_words, return_type=str)
+]
 Numbers = Annotated[
     Floats | None,
     PlainValidator(numbers_in),
@@ -204,6 +230,13 @@ class Remove(GuardCall, call="remove", right=Role.SENSE):
     """See `Guard.remove`."""
 
     name: str
+
+
+class UpdateCells(GuardCall, call="update_cells", right=Role.SENSE):
+    """See `Guard.update_cells`."""
+
+    deltas: Changes
+    stamp: float
 
 
 class Configure(Call, call="configure", right=Role.ADMINISTER):
