@@ -11,13 +11,14 @@ STEP = 0.004
 
 
 def bay(
-    zones=True, camera=True, cell=0.025, unknown="still", size=0.05, **settings
+    zones=True, camera=True, cell=0.025, unknown="still", size=0.05, reason=None,
+    **settings
 ):  # fmt: skip
     """The bay with two rings of zones and a camera above the bench."""
     scene = ag.bay_scene("path")
     scene.set_sensing(
         region={"centre": (-0.4, 0, 1.1), "size": 128}, cell=cell, unknown=unknown,
-        intruder={"speed": 1.6, "size": size},
+        reason=reason, intruder={"speed": 1.6, "size": size},
     )  # fmt: skip
     scene.add(ag.Box(size=(4, 4, 0.2)), "floor", pose=ag.Pose(xyz=(0, 0, -0.1)))
     for robot in ("left", "right") if zones else ():

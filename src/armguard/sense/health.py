@@ -18,6 +18,9 @@ Bools = NDArray[np.bool_]
 # A fault is over after this time without a sign of it [s].
 HEALS = 1.0
 
+# Faults that are over and kept.
+PAST = 64
+
 # Periods without a frame after which a sensor is silent [-].
 SILENT_PERIODS = 2.0
 
@@ -96,12 +99,14 @@ class SensorHealth:
     Attributes:
         sensor: The sensor.
         faults: Its present faults.
+        past: The last faults that are over.
         intakes: How many of its frames became what.
         stamp: Stamp of its last usable frame, minus infinity without any [s].
     """
 
     sensor: SceneSensor
     faults: dict[Fault, FoundFault] = field(default_factory=dict)
+    past: deque[FoundFault] = field(default_factory=lambda: deque(maxlen=PAST))
     intakes: Counter[Intake] = field(default_factory=Counter)
     stamp: float = -np.inf
 
@@ -131,7 +136,7 @@ class SensorHealth:
         """End the faults without a sign for some time."""
         for fault, found in list(self.faults.items()):
             if now - found.seen > HEALS:
-                del self.faults[fault]
+                self.past.append(self.faults.pop(fault))
 
     def listen(self, now: float, start: float) -> None:
         """Whether the sensor is silent.

@@ -2,8 +2,11 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from math import inf, isfinite
+from io import BufferedIOBase
+from math import inf, isfinite, nan
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +20,13 @@ from armguard.scene.scene import Scene
 from armguard.scene.sensing import SceneSensing
 from armguard.sense.alignment import Alignment
 from armguard.sense.frames import BadFrameError, Frame, Intake, frame_of
+from armguard.sense.frames_file import (
+    DEPTH,
+    JOINTS,
+    ZONES,
+    read_events,
+    write_event,
+)
 from armguard.sense.health import SIGNS, Fault, FrameTests, SensorHealth
 from armguard.sense.history import JointHistory
 from armguard.sense.masking import Masks
@@ -40,8 +50,8 @@ MOST_DELTAS = 512
 class Sense:
     """Sensors of a scene, and the map of cells that they fill.
 
-    Joint positions and frames come in with their stamps, on one clock. What is wrong
-    with one never raises: it is returned and counted as an `Intake`. Links, held
+    Joint positions and frames come in with their stamps, on one clock. A bad one never
+    raises: an `Intake` that names the cause is returned and counted. Links, held
     objects and modelled objects are not taken for foreign ones. A sensor at fault frees
     no more space, and what it hits still counts.
 
@@ -53,6 +63,8 @@ class Sense:
         scene: A scene with `sensors` and `sensing`.
         guard: A guard of it, which gets the changes of the map; objects are then where
             it has them.
+        record: A binary file, which gets all joint positions and frames, to be played
+            by `play` or `armguard sense --play`.
 
     Raises:
         SceneError: The scene has no sensors, or no sensed space.
@@ -76,8 +88,12 @@ class Sense:
         'TAKEN'
     """
 
-    def __init__(self, scene: Scene, guard: Monitor | None = None) -> None:
+    def __init__(
+        self, scene: Scene, guard: Monitor | None = None,
+        record: BufferedIOBase | None = None,
+    ) -> None:  # fmt: skip
         space = sensed_space(scene)
+        self._record = record
         self._world, self._guard = World(scene, guard), guard
         region, intruder = space.region, space.intruder
         self.cells = CellMap(
@@ -118,6 +134,8 @@ class Sense:
         """
         if not self._history.add(q, stamp):
             return self._counted(Intake.NO_JOINTS)
+        if self._record is not None:
+            write_event(self._record, JOINTS, "", stamp, q)
         now = self._history.newest
         if self._start == inf:
             # No claim is older than the first joint positions.
@@ -170,6 +188,7 @@ class Sense:
             return self._counted(Intake.UNKNOWN_SENSOR)
         health, now = station.health, self._history.newest
         try:
+            self._write(DEPTH if image else ZONES, name, stamp, values, status)
             if station.view.sensor.image is not image:
                 raise BadFrameError(Intake.WRONG_KIND)
             taken = self._time_of(station, stamp)
@@ -183,16 +202,45 @@ class Sense:
         health.intakes[intake] += 1
         return self._counted(intake)
 
+    def play(self, path: Path) -> int:
+        """Take all joint positions and frames of a file; how many there are.
+
+        The same file fills the same map to the bit.
+
+        Args:
+            path: The file.
+
+        Raises:
+            RecordingError: It cannot be read, or is no file of frames.
+        """
+        count = 0
+        for event, name, stamp, arrays in read_events(path):
+            values: Any = arrays[0] if arrays else None
+            status = arrays[1] if len(arrays) > 1 else None
+            count += 1
+            if event == JOINTS:
+                self.joints(values, stamp)
+            elif event == ZONES:
+                self.zones(name, values, status, stamp)
+            else:
+                self.depth(name, values, stamp)
+        return count
+
+    def _write(
+        self, event: int, name: str, stamp: float, values: ArrayLike | None,
+        status: ArrayLike | None,
+    ) -> None:  # fmt: skip
+        """Write a frame into the record; a stamp that is no number is NaN in it."""
+        if self._record is not None:
+            write_event(self._record, event, name, number_of(stamp), values, status)
+
     def _time_of(self, station: "Station", stamp: float) -> float:
         """When a frame was measured [s].
 
         Raises:
             BadFrameError: Its stamp cannot be.
         """
-        try:
-            given = float(stamp)
-        except (TypeError, ValueError, OverflowError):
-            raise BadFrameError(Intake.NO_STAMP) from None
+        given = number_of(stamp)
         if not isfinite(given):
             raise BadFrameError(Intake.NO_STAMP)
         health, sensor, now = station.health, station.view.sensor, self._history.newest
@@ -316,6 +364,14 @@ class Station:
             self._certain = self._certain + 1 if offset.certain else 0
         if self._certain >= CERTAIN_FITS:
             self.health.sign(Fault.MOVED, now, str(offset))
+
+
+def number_of(stamp: object) -> float:
+    """A stamp as a number, NaN if it is none [s]."""
+    try:
+        return float(stamp)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return nan
 
 
 def sensed_space(scene: Scene) -> SceneSensing:
