@@ -10,8 +10,10 @@ straight line.
 from math import inf, sqrt
 
 from armguard.cells.carve import look_of
-from armguard.cells.evidence import evidence_of
-from armguard.cells.state import Evidence, Look
+from armguard.cells.deltas import push
+from armguard.cells.evidence import claims_of, evidence_of
+from armguard.cells.state import ARRIVAL_SIDE, WORD_SIDE, Evidence, Look
+from armguard.cells.words import place_of_word, put_word
 from armguard.kernel import kernel
 from armguard.table import LongVector, Vector
 
@@ -181,3 +183,27 @@ def raise_arrivals(
                         evidence.arrival[block] = max(evidence.arrival[block], reached)
                 at += 1
     look.seen[:] = 0
+
+
+@kernel(inline=False, entry=True)
+def expire_words(
+    stamp: float, evidence_lines: LongVector, claims_lines: LongVector
+) -> None:
+    """Turn known free cells into unknown ones where an intruder may be by now.
+
+    Args:
+        stamp: The time [s].
+        evidence_lines: Lines of `Evidence`: arrival times; words that change wait to be
+            sent.
+        claims_lines: Lines of `Claims`.
+    """
+    evidence, claims = evidence_of(evidence_lines), claims_of(claims_lines)
+    side = claims.lattice.side // ARRIVAL_SIDE
+    half = ARRIVAL_SIDE // WORD_SIDE
+    for word in range(claims.stamp.shape[0]):
+        x, y, z = place_of_word(word, claims.lattice.blocks)
+        block = ((z // half) * side + y // half) * side + x // half
+        unknown = ~claims.occupied.words[word]
+        if evidence.arrival[block] <= stamp and claims.unknown.words[word] != unknown:
+            put_word(word, unknown, claims.unknown)
+            push(word, False, evidence)

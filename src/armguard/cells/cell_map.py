@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.cells.arrival import raise_arrivals
+from armguard.cells.arrival import expire_words, raise_arrivals
 from armguard.cells.carve import carve
 from armguard.cells.clearing import pass_occupied
 from armguard.cells.deltas import Delta, take_deltas
@@ -342,6 +342,23 @@ class CellMap(CellView):
             raise CellMapError("a map without intruder_speed has no arrival times")
         side = self.size // ARRIVAL_SIDE
         return self.evidence.arrival.reshape((side,) * 3).transpose().copy()
+
+    def expire(self, stamp: float) -> None:
+        """Forget what was known free where an intruder may be by a time.
+
+        Then all claims hold at that time. A block of 8³ cells that no frame has wholly
+        seen free is forgotten too.
+
+        Args:
+            stamp: The time [s].
+
+        Raises:
+            CellMapError: The map has no intruder speed, or the stamp is not finite.
+        """
+        if self.intruder_speed is None:
+            raise CellMapError("a map without intruder_speed forgets nothing")
+        check_frame(stamp, inf, 0.0)
+        expire_words(float(stamp), self._evidence.lines, self._claims.lines)
 
     def _arrays(self) -> Iterator[NDArray[Any]]:
         """Arrays of the state; the first one is the lattice."""

@@ -11,9 +11,11 @@ from armguard.guard import layout
 from armguard.guard.budget import Budget
 from armguard.guard.layout import IN_HEADER, Header, NearRow, RobotRow
 from armguard.guard.levels import Level, Reason
-from armguard.guard.near_pair import NearPair
+from armguard.guard.near_pair import NearPair, SensedCells
+from armguard.guard.slots import with_slots
 from armguard.motion.pair_state import ALLOWED, UNPROVEN
 from armguard.record import dtype_of
+from armguard.scene.sensing import UNSEEN
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -101,7 +103,7 @@ def names_of(tables: SceneTables, disproved: NDArray[np.int64] | None = None) ->
     robots = tuple(part.name for part in tables.robots) if guarded else ()
     if disproved is None:
         disproved = np.zeros(len(tables.q_names), dtype=np.int64)
-    return Names(tables, robots, first_row_of(tables), disproved)
+    return Names(with_slots(tables), robots, first_row_of(tables), disproved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,10 +161,12 @@ class Answer:
     Attributes:
         data: The array that `layout` describes.
         names: Names of its scene.
+        ages: Ages of the cells in the slots [s]; None if they are unknown.
     """
 
     data: Floats
     names: Names
+    ages: Floats | None = None
 
     @property
     def robots(self) -> NDArray[np.void]:
@@ -251,9 +255,18 @@ class Answer:
             point_b=row[POINTS + 3 : POINTS + 6].copy(),
             normal=row[POINTS + 6 :].copy(),
             model_error=float(errors[i] + errors[j]),
+            sensed=self._cells(j),
             contract=n.proof == ALLOWED,
             unproven=n.proof == UNPROVEN,
         )
+
+    def _cells(self, j: int) -> SensedCells | None:
+        """The cells that primitive j stands for; None if it is of the scene."""
+        tables = self.names.tables
+        if j < tables.modelled:
+            return None
+        age = None if self.ages is None else float(self.ages[j - tables.modelled])
+        return SensedCells(tables.body_names[j] == UNSEEN, age)
 
     def primitives(self, k: int) -> tuple[int, int]:
         """Indices of the two primitives of the k-th near pair."""

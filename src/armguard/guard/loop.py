@@ -250,7 +250,7 @@ class Loop:
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
-        return Verdict(data, self._names, time, elapsed, fault)
+        return Verdict(data, self._names, time, elapsed, fault, self._ages(time))
 
     def judge_at_rest(self, q: JointVector) -> Verdict:
         """Judge a hypothetical configuration in which nothing moves. Never raises.
@@ -272,6 +272,14 @@ class Loop:
             if data.item(IN_HEADER.reason) == OUT_OF_LIMITS:
                 fault = likely_mistake(array, self.tables)
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
+
+    def _ages(self, time: float | None) -> NDArray[np.float64] | None:
+        """Ages of the cells in the slots [s]; None without sensed space or a time."""
+        tables = self.tables
+        if time is None or tables.sensing is None:
+            return None
+        ages: NDArray[np.float64] = time - self._watch.seen_at[tables.modelled :]
+        return ages
 
     def _answer(
         self, used: int, fault: str, q: NDArray[np.float64]

@@ -1,6 +1,7 @@
 """A near pair: two primitives that a verdict reports, in numbers and in words."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,20 @@ IN_WORDS = (
 def listed(value: object) -> object:
     """An array as a list; any other value unchanged."""
     return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+@dataclass(frozen=True, slots=True)
+class SensedCells:
+    """Cells that are a side of a near pair.
+
+    Attributes:
+        unseen: Whether they are cells that no sensor has seen free; otherwise they are
+            occupied.
+        age: Age of what is known of them [s]; None if the verdict was recorded.
+    """
+
+    unseen: bool
+    age: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +76,7 @@ class NearPair:
             theirs; a convex hull fills the dents of its mesh [m].
         contract: Whether the pair is this near under a contract that it keeps; then
             `buffer` is minus the allowed depth, and the headroom the rest of it.
+        sensed: What is known of B if it consists of cells; None if it is of the scene.
         unproven: Whether nothing is proven for the pair: its robot leaves an object
             that moves by itself and may hit it; the headroom is minus the deficit.
     """
@@ -83,6 +99,7 @@ class NearPair:
     model_error: float
     contract: bool = False
     unproven: bool = False
+    sensed: SensedCells | None = None
 
     @property
     def needed(self) -> float:
@@ -160,9 +177,21 @@ class NearPair:
 
     def _apart(self, digits: int) -> str:
         """Bodies and distance in words, with some digits of a millimetre."""
+        other = f"{self.b}{self._place}"
         if self.distance < 0.0:
-            return f"{self.a} overlaps {self.b} by {-self.distance * 1e3:.{digits}f} mm"
-        return f"{self.a} {self.distance * 1e3:.{digits}f} mm from {self.b}"
+            return f"{self.a} overlaps {other} by {-self.distance * 1e3:.{digits}f} mm"
+        return f"{self.a} {self.distance * 1e3:.{digits}f} mm from {other}"
+
+    @property
+    def _place(self) -> str:
+        """Age and place of cells in words; "" for a body of the scene."""
+        if self.sensed is None:
+            return ""
+        at = ", ".join(f"{x:.2f}" for x in self.point_b)
+        age = self.sensed.age
+        if self.sensed.unseen or age is None or not isfinite(age):
+            return f" at ({at})"
+        return f" {age * 1e3:.0f} ms ago at ({at})"
 
     @property
     def short_by(self) -> float:

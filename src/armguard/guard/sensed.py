@@ -18,7 +18,7 @@ from armguard.cells.state import (
     Words,
     empty_bits,
 )
-from armguard.record import record, records
+from armguard.record import Records, record, records
 from armguard.scene.sensing import SceneSensing
 from armguard.scene.tables import SceneTables
 from armguard.table import TABLE, IntMatrix, IntVector, table
@@ -48,7 +48,11 @@ GROWS = (CellKind.MOVING, CellKind.GROWING)
 
 # Slots of each kind. A slot in use has a row of the answer, and the program of a
 # robot has room for the rows of 48 near pairs.
-SLOTS = (48, 24, 24, 24)
+SLOTS = (48, 48, 48, 48)
+
+# Boxes around the cells near a primitive, one on each of its sides, where a slot for
+# each word or group would be too many.
+SIDES = 6
 
 
 @record
@@ -139,7 +143,8 @@ class Sensed(NamedTuple):
         about: What is known of all cells together.
         query: Scratch: a primitive.
         search: Scratch: what cells near it are compared with.
-        gathered: Scratch: cells that are to be one slot.
+        gathered: Scratch: cells that are to be one slot, on each side of a primitive,
+            shape (6,).
     """
 
     claims: Annotated[Claims, TABLE]
@@ -155,7 +160,7 @@ class Sensed(NamedTuple):
     about: Knowledge
     query: Query
     search: Search
-    gathered: Gathered
+    gathered: Annotated[Records[Gathered], 1]
 
 
 def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
@@ -187,7 +192,7 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         about=knowledge_of(tables.sensing),
         query=records((), Query),
         search=records((), Search),
-        gathered=records((), Gathered),
+        gathered=records(SIDES, Gathered),
     )
 
 

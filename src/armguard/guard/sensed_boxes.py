@@ -9,21 +9,29 @@ from armguard.cells.state import WORD_SIDE, Bits
 from armguard.cells.words import place_of_word
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.needs import robot_of
-from armguard.guard.sensed import CellKind, Sensed
+from armguard.guard.sensed import CellKind, Gathered
 from armguard.guard.sensed_words import inside_of_word
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
+from armguard.table import Vector
 
 UNSEEN = int(CellKind.UNSEEN)
+
+# What becomes one slot: the cells of a word, of a group, or all on one side.
+BY_WORD, BY_GROUP, BY_SIDE = 0, 1, 2
 
 # Extent of the space outside the region [m].
 FAR = 100.0
 
 
 @kernel
-def gather(low: Vec3, high: Vec3, s: Sensed) -> None:
-    """Add a box to the cells that are to be one slot."""
-    g = s.gathered
+def gather(low: Vec3, high: Vec3, w: Workspace) -> Gathered:
+    """Add a box to the cells that are to be one slot; returns these."""
+    s = w.sensed
+    side = 0
+    if s.search.level == BY_SIDE:
+        side = side_of(low, high, w.world.boxes[s.search.primitive])
+    g = s.gathered[side]
     if g.count == 0:
         g.stamp, g.error = inf, 0.0
         for k in range(3):
@@ -31,6 +39,27 @@ def gather(low: Vec3, high: Vec3, s: Sensed) -> None:
     g.count += 1
     for k in range(3):
         g.low[k], g.high[k] = min(g.low[k], low[k]), max(g.high[k], high[k])
+    return g
+
+
+@kernel
+def side_of(low: Vec3, high: Vec3, box: Vector) -> int:
+    """Side of a bounding box from which another box is farthest away.
+
+    Boxes on one side are together no nearer along its axis than the nearest of them.
+
+    Args:
+        low: Lower corner of the other box [m].
+        high: Its upper corner [m].
+        box: Corners of the bounding box, shape (6,) [m].
+    """
+    side, farthest = 0, -inf
+    for k in range(3):
+        if box[k] - high[k] > farthest:
+            side, farthest = k, box[k] - high[k]
+        if low[k] - box[k + 3] > farthest:
+            side, farthest = k + 3, low[k] - box[k + 3]
+    return side
 
 
 @kernel
@@ -44,7 +73,7 @@ def gather_word(word: int, corner: Vec3, cells: Bits, w: Workspace) -> None:
         w: The workspace.
     """
     s = w.sensed
-    claims, g = s.claims, s.gathered
+    claims = s.claims
     left = cells.words[word]
     for k in range(s.carried.shape[0]):
         i = int(s.carried[k])
@@ -62,7 +91,7 @@ def gather_word(word: int, corner: Vec3, cells: Bits, w: Workspace) -> None:
     z0, z1 = ends_along(left, ALONG_Z, 16)
     low = (corner[0] + x0 * cell, corner[1] + y0 * cell, corner[2] + z0 * cell)
     high = (corner[0] + x1 * cell, corner[1] + y1 * cell, corner[2] + z1 * cell)
-    gather(low, high, s)
+    g = gather(low, high, w)
     stamp = s.about.stamp if s.search.kind >= UNSEEN else claims.stamp[word]
     g.stamp = min(g.stamp, stamp)
     g.error = max(g.error, float(claims.error[word]))
@@ -85,18 +114,18 @@ def ends_along(cells: np.uint64, one: np.uint64, step: int) -> tuple[int, int]:
 
 
 @kernel(inline=False)
-def slot_of_gathered(free: int, w: Workspace) -> int:
+def slot_of_gathered(g: Gathered, free: int, w: Workspace) -> int:
     """Slot around the cells that were gathered, grown by their error.
 
     Args:
+        g: The cells; nothing is gathered afterwards.
         free: First slot that is not in use; it is placed there if no other one is.
-        w: The workspace; nothing is gathered afterwards.
+        w: The workspace.
 
     Returns:
         The slot, or the one after the last if all are in use.
     """
     s = w.sensed
-    g = s.gathered
     g.count = 0
     x = (0.5 * (g.low[0] + g.high[0]), 0.5 * (g.high[0] - g.low[0]))
     y = (0.5 * (g.low[1] + g.high[1]), 0.5 * (g.high[1] - g.low[1]))

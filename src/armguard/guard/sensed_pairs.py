@@ -5,7 +5,7 @@ that is farther from the primitive than a stop, the errors, the age of the cells
 commands can matter is left out with all that is in it. Every other word becomes a box
 in a slot, and is judged as a pair of the scene is; a slot stays in use where the answer
 has a row of the pair. If the slots do not suffice, the cells of a group are judged as
-one box, then all those that are near the primitive.
+one box, then all those on one side of the primitive.
 
 Slots are functions of the cells and of the cycle's input alone.
 """
@@ -39,8 +39,11 @@ from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import is_idle
 from armguard.guard.needs import static_need
 from armguard.guard.search_distance import lever_look, pair_look, way_until_look
-from armguard.guard.sensed import CellKind, Search, Sensed
+from armguard.guard.sensed import SIDES, CellKind, Search, Sensed
 from armguard.guard.sensed_boxes import (
+    BY_GROUP,
+    BY_SIDE,
+    BY_WORD,
     gather,
     gather_word,
     slab_corner,
@@ -54,9 +57,6 @@ STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.
 KINDS = len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
-
-# What becomes one slot: the cells of a word, of a group, or all that are near.
-WORDS, GROUPS, EVERYTHING = 0, 1, 2
 
 # Boxes of cells that one judgement compares at most, at some 30 nanoseconds each.
 MOST_BOXES = 20_000
@@ -114,7 +114,7 @@ def judge_kind(kind: int, count: int, w: Workspace) -> int:
     first, notes = count, v.judged_count[0]
     search.kind = kind
     slot = int(s.slots[kind, 0])
-    for level in range(EVERYTHING + 1):
+    for level in (BY_WORD, BY_GROUP, BY_SIDE):
         search.level = level
         about.used = about.spent = 0
         count, v.judged_count[0] = first, notes
@@ -140,7 +140,8 @@ def judge_near(i: int, count: int, w: Workspace) -> int:
     """
     s = w.sensed
     about, search, lattice = s.about, s.search, s.claims.lattice
-    s.gathered.count = 0
+    for side in range(SIDES):
+        s.gathered[side].count = 0
     if not write_search(i, w):
         about.spent = 1
         return count
@@ -245,10 +246,9 @@ def judge_group(group: int, corner: Vec3, count: int, cells: Bits, w: Workspace)
     if is_beyond(low, edge, s):
         return count
     if search.kind >= UNSEEN and is_full(group, cells):
-        gather(low, (low[0] + edge, low[1] + edge, low[2] + edge), s)
-        s.gathered.stamp = min(s.gathered.stamp, s.about.stamp)
-        s.gathered.error = max(s.gathered.error, s.about.error)
-        return count if search.level == EVERYTHING else judge_gathered(count, w)
+        g = gather(low, (low[0] + edge, low[1] + edge, low[2] + edge), w)
+        g.stamp, g.error = s.about.stamp, max(g.error, s.about.error)
+        return count if search.level == BY_SIDE else judge_gathered(count, w)
     edge = WORD_SIDE * cell
     words = within(cells.groups[group], low, edge, search)
     while words != 0:
@@ -257,11 +257,11 @@ def judge_group(group: int, corner: Vec3, count: int, cells: Bits, w: Workspace)
         inner = member_corner(low, edge, member)
         if not is_beyond(inner, edge, s):
             gather_word((group << 6) + member, inner, cells, w)
-            if search.level == WORDS:
+            if search.level == BY_WORD:
                 count = judge_gathered(count, w)
         if s.about.spent != 0:
             return count
-    return count if search.level == EVERYTHING else judge_gathered(count, w)
+    return count if search.level == BY_SIDE else judge_gathered(count, w)
 
 
 @kernel
@@ -275,19 +275,31 @@ def is_full(group: int, cells: Bits) -> bool:
     return True
 
 
-@kernel(inline=False)
+@kernel
 def judge_gathered(count: int, w: Workspace) -> int:
-    """Judge the cells that were gathered as one box, in their slot or in a free one.
+    """Judge the cells that were gathered, those on each side as one box.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    for side in range(SIDES):
+        if s.gathered[side].count != 0 and s.about.spent == 0:
+            count = judge_box(side, count, w)
+    return count
+
+
+@kernel(inline=False)
+def judge_box(side: int, count: int, w: Workspace) -> int:
+    """Judge the cells on a side of a primitive in their slot, or in a free one.
 
     Returns:
         New count of rows.
     """
     s, v, m = w.sensed, w.watch, w.motion
     about, search = s.about, s.search
-    if s.gathered.count == 0:
-        return count
     i, free = search.primitive, int(s.slots[search.kind, 0]) + about.used
-    j = slot_of_gathered(free, w)
+    j = slot_of_gathered(s.gathered[side], free, w)
     if j == s.slots[search.kind, 1]:
         about.spent = 1
         return count
@@ -322,12 +334,12 @@ def judge_outside(count: int, w: Workspace) -> int:
                 inside = search.low[axis] >= first[axis]
             if inside or s.about.spent != 0:
                 continue
-            gather(
+            g = gather(
                 slab_corner(axis, side, 0, first, last),
                 slab_corner(axis, side, 1, first, last),
-                s,
+                w,
             )
-            s.gathered.stamp = min(s.gathered.stamp, s.about.stamp)
-            if search.level != EVERYTHING:
+            g.stamp = s.about.stamp
+            if search.level != BY_SIDE:
                 count = judge_gathered(count, w)
     return count

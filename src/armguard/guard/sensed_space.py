@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from armguard.cells.deltas import Delta
 from armguard.cells.state import ALL, NONE, Claims, Motion, empty_claims
@@ -13,6 +13,7 @@ from armguard.cells.view import CellView
 from armguard.errors import CellMapError
 from armguard.geometry.shapes import Box, shape_row
 from armguard.guard.checkpoint_bounds import FLAG, MOST_COUNTED, Own, Rules, Whole
+from armguard.guard.known import KnownFree, known_free
 from armguard.guard.sensed import KIND_OF, CellKind, Sensed, empty_sensed
 from armguard.guard.sensed_pairs import judge_sensed
 from armguard.guard.sensed_words import mark_inside, sort_words, take_claims
@@ -118,6 +119,25 @@ class SensedSpace:
         take_claims(deltas, self.ledger.lines)
         about["stamp"] = stamp
         about["newest"] = max(float(about["newest"]), stamp)
+
+    def knowledge(self, link: str, direction: ArrayLike) -> KnownFree:
+        """How far a link can be moved along a direction in space that is known free.
+
+        From where it was in the last cycle, as the cells are now; objects of the scene
+        count as free.
+
+        Args:
+            link: 'robot/link'.
+            direction: Direction in the world, shape (3,).
+
+        Raises:
+            CellMapError: The scene has no `sensing`, or the direction is none.
+            UnknownNameError: There is no such link, or it has no shape that moves.
+        """
+        if self.view is None:
+            raise CellMapError("the scene has no `sensing`; declare its region first")
+        world = self._index.world
+        return known_free(link, direction, self._tables, world, self.table)
 
     def claim(self) -> None:
         """Leave out the cells inside the objects that are present, as they are now."""

@@ -76,7 +76,7 @@ class Verdict:
             the inputs.
     """
 
-    __slots__ = ("_data", "_fault", "_names", "cycle_time", "stamp")
+    __slots__ = ("_ages", "_data", "_fault", "_names", "cycle_time", "stamp")
 
     def __init__(
         self,
@@ -85,8 +85,10 @@ class Verdict:
         stamp: float | None,
         cycle_time: float,
         fault: str = "",
+        ages: Floats | None = None,
     ) -> None:
         self._data = data
+        self._ages = ages
         self._names = names
         self._fault = fault
         self.stamp = stamp
@@ -361,7 +363,7 @@ class Verdict:
     @property
     def _answer(self) -> Answer:
         """The numbers of the verdict by name."""
-        return Answer(self._data, self._names)
+        return Answer(self._data, self._names, self._ages)
 
     def _numbers_of(self, field: str) -> list[Any]:
         """One number per robot, in their order; none where every mode is "fixed"."""

@@ -17,7 +17,7 @@ from armguard.cells.deltas import Delta
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Shape
 from armguard.guard.contract import Region
-from armguard.record import Records, dtype_of
+from armguard.record import dtype_of
 from armguard.recording.rights import Role
 from armguard.recording.shape_words import shape_of, words_of
 from armguard.respond import Guard
@@ -79,19 +79,17 @@ def region_words(region: Region) -> dict[str, Any]:
     }
 
 
-def changes_in(value: Any) -> Records[Delta]:
+def changes_in(value: Any) -> Any:
     """Changes of a map, also from their bytes in base 64."""
     if not isinstance(value, str):
-        found: Records[Delta] = value
-        return found
+        return value
     try:
         rows = np.frombuffer(b64decode(value, validate=True), dtype_of(Delta))
     except ValueError:
         raise ValueError(
             "it must be changes of a map, or their bytes in base 64"
         ) from None
-    changes: Records[Delta] = rows.view(np.recarray)
-    return changes
+    return rows.view(np.recarray)
 
 
 def changes_words(value: Any) -> str:

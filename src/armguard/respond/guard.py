@@ -304,7 +304,8 @@ class Guard(Monitor):
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
-        verdict = Verdict(data, self._names, time, elapsed, fault or refused)
+        said, ages = fault or refused, self._ages(time)
+        verdict = Verdict(data, self._names, time, elapsed, said, ages)
         return Command(numbers, self.tables.robots, verdict)
 
     def _filtered(
