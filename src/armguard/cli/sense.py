@@ -31,7 +31,7 @@ def sense(
     robot: RobotOption = None,
     json: Json = False,
 ) -> None:
-    """Let sensors fill the map by frames from a file, and name what is at fault.
+    """Let sensors fill the map by frames from a file, and name their faults.
 
     Exit codes: 0 all sensors were in order, 1 a sensor was at fault or a modelled
     object is missing, 2 the file cannot be read.
