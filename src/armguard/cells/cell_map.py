@@ -344,7 +344,7 @@ class CellMap(CellView):
         return self.evidence.arrival.reshape((side,) * 3).transpose().copy()
 
     def expire(self, stamp: float) -> None:
-        """Forget what was known free where an intruder may be by a time.
+        """Forget known free cells into which an intruder may have come by a time.
 
         Then all claims hold at that time. A block of 8³ cells that no frame has wholly
         seen free is forgotten too.

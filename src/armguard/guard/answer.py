@@ -261,7 +261,7 @@ class Answer:
         )
 
     def _cells(self, j: int) -> SensedCells | None:
-        """The cells that primitive j stands for; None if it is of the scene."""
+        """The cells of primitive j if it is a slot; None if it is of the scene."""
         tables = self.names.tables
         if j < tables.modelled:
             return None

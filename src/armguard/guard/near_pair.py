@@ -33,7 +33,7 @@ class SensedCells:
     Attributes:
         unseen: Whether they are cells that no sensor has seen free; otherwise they are
             occupied.
-        age: Age of what is known of them [s]; None if the verdict was recorded.
+        age: Age of the claims about them [s]; None if the verdict was recorded.
     """
 
     unseen: bool
@@ -76,7 +76,7 @@ class NearPair:
             theirs; a convex hull fills the dents of its mesh [m].
         contract: Whether the pair is this near under a contract that it keeps; then
             `buffer` is minus the allowed depth, and the headroom the rest of it.
-        sensed: What is known of B if it consists of cells; None if it is of the scene.
+        sensed: The cells that B consists of; None if it is of the scene.
         unproven: Whether nothing is proven for the pair: its robot leaves an object
             that moves by itself and may hit it; the headroom is minus the deficit.
     """

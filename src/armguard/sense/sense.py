@@ -270,8 +270,10 @@ class Sense:
         station.tests.test(frame, mount, prediction, taken)
         station.align(frame, mount, placed, prediction, taken)
         claimed = taken - view.sensor.jitter
-        # What a sensor frees first must not be older than what the guard believes.
-        trusted = health.trusted and not repeated and claimed >= self._sent
+        trusted = health.trusted and not repeated
+        if self.cells.intruder_speed is None:
+            # Space that a sensor frees first must not be older than the guard assumes.
+            trusted = trusted and claimed >= self._sent
         if trusted:
             self._missing.look(view, frame, prediction, taken)
         hits = self._hits(view, mount, placed, frame, prediction)
@@ -291,6 +293,8 @@ class Sense:
         self._stamp = max(self._stamp, claimed)
         if trusted:
             station.freed = claimed
+        if self.cells.intruder_speed is not None:
+            self.cells.expire(self._stamp)
         self._update_guard()
         return Intake.TAKEN if trusted else Intake.HITS_ONLY
 
@@ -316,15 +320,17 @@ class Sense:
     def _update_guard(self) -> None:
         """Let the guard take a bounded number of changes.
 
-        The claims of the map hold since the oldest of the newest frames of all sensors
-        that have freed space, as soon as no change of it waits.
+        With moving intruders the map forgets what they may have reached, so all of its
+        claims hold at the newest frame. Else they hold since the oldest of the newest
+        frames of all sensors that have freed space.
         """
         freed = [one.freed for one in self._stations.values() if one.freed > -inf]
         if self._guard is None or not freed:
             return
+        holds = min(freed) if self.cells.intruder_speed is None else self._stamp
         changes = self.deltas()
         if len(changes) < MOST_DELTAS:
-            self._sent = max(self._sent, min(freed))
+            self._sent = max(self._sent, holds)
         self._guard.update_cells(changes, self._sent)
 
     def _counted(self, intake: Intake) -> Intake:

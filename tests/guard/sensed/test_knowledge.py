@@ -11,7 +11,7 @@ from sensed import CELL, LOW, changes, feed, grid, sensed_guard
 CELL_AT = (45, 32, 33)
 
 
-def told(unknown, occupied, hidden, **of):
+def judged(unknown, occupied, hidden, **of):
     guard = sensed_guard(unknown, margin=0.4)
     feed(guard, changes(occupied, hidden, 0.0, **of), 0.0)
     still = np.zeros(len(guard.home))
@@ -26,7 +26,7 @@ def one(at=CELL_AT):
 
 
 def test_a_sentence_names_what_was_sensed_its_age_and_its_place():
-    _, verdict = told("free", one(), grid())
+    _, verdict = judged("free", one(), grid())
     pair = min((p for p in verdict.near if p.sensed), key=lambda p: p.distance)
     x, y, z = pair.point_b
     assert pair.b == "something sensed"
@@ -37,7 +37,7 @@ def test_a_sentence_names_what_was_sensed_its_age_and_its_place():
 
 
 def test_a_sentence_names_space_that_is_not_known_free():
-    guard, verdict = told("moving", grid(), one())
+    guard, verdict = judged("moving", grid(), one())
     pair = min((p for p in verdict.near if p.sensed), key=lambda p: p.distance)
     assert "mm from space not known free at (" in pair.why
     # Its way since the map's stamp is a term of its own, and the terms add up.
@@ -53,7 +53,7 @@ def test_a_sentence_names_space_that_is_not_known_free():
 def test_the_way_known_free_ends_at_a_cell():
     wall = grid()
     wall[50] = True
-    guard, _ = told("free", wall, grid())
+    guard, _ = judged("free", wall, grid())
     rows = guard._workspace.world.boxes[: guard.tables.moving_count]
     names = np.array(guard.tables.body_names[: guard.tables.moving_count])
     face = LOW[0] + 50 * CELL
@@ -68,7 +68,7 @@ def test_the_way_known_free_ends_at_a_cell():
 def test_unknown_space_and_the_border_of_the_region_end_it():
     hidden = grid()
     hidden[:, :, 55:] = True
-    guard, _ = told("still", grid(), hidden)
+    guard, _ = judged("still", grid(), hidden)
     up = guard.knowledge("arm/panda_hand", (0.0, 0.0, 1.0))
     assert up.ends_at == "space not known free"
     boxes = guard._workspace.world.boxes[: guard.tables.moving_count]
@@ -84,7 +84,7 @@ def test_unknown_space_and_the_border_of_the_region_end_it():
 
 
 def test_what_is_no_way_is_refused():
-    guard, _ = told("free", grid(), grid())
+    guard, _ = judged("free", grid(), grid())
     with pytest.raises(CellMapError, match="not all 0"):
         guard.knowledge("arm/panda_hand", (0.0, 0.0, 0.0))
     with pytest.raises(CellMapError, match="three numbers"):
