@@ -74,6 +74,7 @@ if TYPE_CHECKING:
         load_scene,
         load_trajectory,
     )
+    from armguard.sense import Intake, Sense, SensorHealth
     from armguard.service.client import Client
 
 __version__ = version("armguard")
@@ -142,6 +143,7 @@ _ROOMS = {
         "load_scene",
         "load_trajectory",
     ),
+    "armguard.sense": ("Intake", "Sense", "SensorHealth"),
     "armguard.service.client": ("Client",),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
@@ -172,6 +174,7 @@ __all__ = [
     "Held",
     "HomeContactError",
     "Hull",
+    "Intake",
     "Level",
     "MeshError",
     "ModelError",
@@ -192,6 +195,8 @@ __all__ = [
     "Scene",
     "SceneError",
     "SelfTestError",
+    "Sense",
+    "SensorHealth",
     "ShapeError",
     "Sphere",
     "StopTable",

@@ -49,7 +49,7 @@ def looking_along_x(limit, **settings):
     robot = scene.add_robot(ball_on_a_rod(limit), name="arm")
     # z of the sensor is x of the base, its columns run along -y, its rows along -z.
     R = Pose(rpy=(-pi / 2, 0, -pi / 2))
-    return robot, scene.add_sensor("eye", pose=R, **{**SENSOR, **settings})
+    return robot, *scene.add_sensor("eye", pose=R, **{**SENSOR, **settings})
 
 
 def visible(q, zones, view, distance, least=0.02):

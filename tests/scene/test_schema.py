@@ -17,9 +17,9 @@ from armguard.scene.sensing import (
     ReflexSettings,
     RegionSettings,
     SensingSettings,
-    SensorSettings,
     ZoneSettings,
 )
+from armguard.scene.sensors import RingSettings, SensorSettings
 from armguard.scene.settings import (
     CycleSettings,
     IndexSettings,
@@ -114,8 +114,9 @@ def test_the_schema_refuses_what_a_file_may_not_have(change, says):
 
 def test_the_schema_has_a_meaning_for_every_setting():
     settings = (CycleSettings, IndexSettings, RobotSettings, ObjectSettings)
-    settings = (*settings, SensorSettings, ReflexSettings, SensingSettings)
-    settings = (*settings, RegionSettings, IntruderSettings, ZoneSettings)
+    settings = (*settings, SensorSettings, RingSettings, ReflexSettings)
+    settings = (*settings, SensingSettings, RegionSettings, IntruderSettings)
+    settings = (*settings, ZoneSettings)
     for kind in (*settings, ResponseSettings, Grasp, Gripper):
         assert set(meanings(kind)) == {field.name for field in fields(kind)}
     assert SCHEMA["$defs"]["Grasp"]["properties"]["creep"] == {
@@ -153,6 +154,7 @@ def in_words(value):
         ("cycle", CycleSettings),
         ("index", IndexSettings),
         ("sensors.NAME", SensorSettings),
+        ("sensors.NAME.ring", RingSettings),
         ("reflex", ReflexSettings),
         ("sensing", SensingSettings),
         ("sensing.region", RegionSettings),

@@ -10,21 +10,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.cells.arrival import expire_words, raise_arrivals
 from armguard.cells.carve import carve
+from armguard.cells.clearing import pass_occupied
 from armguard.cells.deltas import Delta, take_deltas
 from armguard.cells.evidence import settle
+from armguard.cells.given import check_frame, checked_pose, depths_of, pair_of
 from armguard.cells.grid import packed
 from armguard.cells.hits import hit_pixels
 from armguard.cells.masks import clear_masks, mask_shape
 from armguard.cells.octomap import add_boxes, read_leaves
 from armguard.cells.pyramid import Pyramid, empty_pyramid, fill_pyramid
 from armguard.cells.rays import cast_rays
-from armguard.cells.state import ARRIVAL_SIDE, empty_evidence, empty_look
+from armguard.cells.state import ARRIVAL_SIDE, Words, empty_evidence, empty_look
 from armguard.cells.view import CellView, arrays_of
 from armguard.errors import CellMapError
-from armguard.geometry.pose import Pose, check_transform, transform_of
+from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import HalfSpace, Shape, shape_row
 from armguard.record import Records, records
-from armguard.table import Ledger
+from armguard.table import IntVector, Ledger
 
 Floats = NDArray[np.float64]
 
@@ -94,6 +96,7 @@ class CellMap(CellView):
         self, image: ArrayLike, T_world_camera: Pose | ArrayLike,
         focal: float | tuple[float, float], centre: tuple[float, float], stamp: float,
         *, reach: float = inf, error: float = 0.0, single: bool = False,
+        freeing: ArrayLike | None = None, clearing: ArrayLike | None = None,
     ) -> None:  # fmt: skip
         """Take a depth image of a pinhole camera.
 
@@ -112,10 +115,14 @@ class CellMap(CellView):
             error: Greatest error of the pose, for the claims that follow [m].
             single: Whether one pixel in a cell is a hit. Otherwise two are needed,
                 where a cell is at least two pixels wide.
+            freeing: Depths by which space is freed, where they differ from those that
+                hit: of the same view, with any count of rows and columns.
+            clearing: Depths by which occupied cells are passed whose middle is seen,
+                also where the view of them is not whole: an image of the same shape.
 
         Raises:
             PoseError: The transform is not rigid.
-            CellMapError: The image or a number is not as above.
+            CellMapError: An image or a number is not as above.
         """
         T = checked_pose("T_world_camera", T_world_camera)
         focals, middle = pair_of("focal", focal), pair_of("centre", centre)
@@ -125,20 +132,30 @@ class CellMap(CellView):
             raise CellMapError(f"centre is {centre}; it must be two finite numbers")
         check_frame(stamp, reach, error)
         depths = depths_of(image)
-        pyramid = self._room_for(depths.shape)
         camera: Any = self._look.camera
         camera["axes"], camera["origin"] = T[:3, :3].T, T[:3, 3]
-        camera["focal"], camera["centre"] = focals, middle
         camera["reach"] = reach
-        fill_pyramid(depths.reshape(-1), pyramid.lines)
+        free = depths if freeing is None else depths_of(freeing)
+        # Middles of pixels have whole numbers, so the image's corner is at -0.5.
+        scale = np.array(free.shape[::-1]) / np.array(depths.shape[::-1])
+        camera["focal"] = scale * focals
+        camera["centre"] = scale * (np.array(middle) + 0.5) - 0.5
+        pyramid = self._room_for(free.shape)
+        fill_pyramid(free.reshape(-1), pyramid.lines)
         carve(pyramid.lines, self._frame.lines)
+        if freeing is not None:
+            camera["focal"], camera["centre"] = focals, middle
+            pyramid = self._room_for(depths.shape)
+            fill_pyramid(depths.reshape(-1), pyramid.lines)
         hit_pixels(single, pyramid.lines, self._frame.lines)
+        if clearing is not None:
+            pass_occupied(depths_of(clearing), self.claims, self._look)
         self._settle(stamp, error)
 
     def zones(
         self, distance: ArrayLike, T_world_sensor: Pose | ArrayLike,
         view: float | tuple[float, float], stamp: float, *,
-        reach: float = inf, error: float = 0.0,
+        reach: float = inf, error: float = 0.0, freeing: ArrayLike | None = None,
     ) -> None:  # fmt: skip
         """Take a frame of a sensor with a few zones, such as 8 × 8 of time of flight.
 
@@ -154,6 +171,7 @@ class CellMap(CellView):
             stamp: Time of the frame [s].
             reach: Distance up to which space is freed [m].
             error: Greatest error of the pose [m].
+            freeing: See `depth`.
 
         Raises:
             PoseError: The transform is not rigid.
@@ -168,7 +186,7 @@ class CellMap(CellView):
         middle = (0.5 * (columns - 1), 0.5 * (rows - 1))
         self.depth(
             depths, T_world_sensor, focal, middle, stamp,
-            reach=reach, error=error, single=True,
+            reach=reach, error=error, single=True, freeing=freeing,
         )  # fmt: skip
 
     def points(
@@ -227,9 +245,39 @@ class CellMap(CellView):
             if isinstance(shape, HalfSpace):
                 raise CellMapError("a half-space is no link")
             rows.append((int(shape.kind), shape_row(shape, checked_pose("pose", pose))))
+        self.mask((kind, row, error, shell) for kind, row in rows)
+
+    def mask(
+        self, rows: Iterable[tuple[int, Floats, float, float]],
+        kept: tuple[IntVector, Words] | None = None,
+    ) -> None:  # fmt: skip
+        """Set own links by rows, see `own`, and cells that keep what they have.
+
+        No argument is checked.
+
+        Args:
+            rows: Of each shape its kind, its row in the world, shape (16,), how far a
+                surface may be within it, infinite where no cell is to be passed, and
+                how far outside it [m].
+            kept: Result of `masked` of a map of the same place and size: no cell of it
+                is hit or passed.
+        """
+        look = self._look
         clear_masks(self._frame.lines)
-        for kind, row in rows:
-            mask_shape(kind, row, float(error), float(shell), self._frame.lines)
+        if kept is not None:
+            words, cells = kept
+            look.shell[words], look.masked[: len(words)] = cells, words
+            notes: Any = look.notes
+            notes["masked"] = len(words)
+        for kind, row, error, shell in rows:
+            mask_shape(kind, row, error, shell, self._frame.lines)
+
+    def masked(self) -> tuple[IntVector, Words]:
+        """Words with cells of own links, and these cells."""
+        look = self._look
+        notes: Any = look.notes
+        words = look.masked[: int(notes["masked"])].copy()
+        return words, look.inside[words] | look.shell[words]
 
     def own_cells(self) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
         """Words of the cells inside own links, and of those that they may touch."""
@@ -340,61 +388,3 @@ class CellMap(CellView):
             raise_arrivals(
                 float(stamp), edge_time, self._frame.lines, self._evidence.lines
             )
-
-
-def pair_of(name: str, given: float | tuple[float, float]) -> tuple[float, float]:
-    """Numbers along columns and rows, or one for both.
-
-    Raises:
-        CellMapError: It is neither.
-    """
-    try:
-        if isinstance(given, int | float):
-            return float(given), float(given)
-        first, second = given
-        return float(first), float(second)
-    except (TypeError, ValueError):
-        raise CellMapError(f"{name} is {given!r}; it must be two numbers") from None
-
-
-def checked_pose(name: str, pose: Pose | ArrayLike) -> Floats:
-    """A finite pose as a transform, shape (4, 4).
-
-    Raises:
-        PoseError: It is no rigid transform.
-    """
-    return transform_of(pose) if isinstance(pose, Pose) else check_transform(name, pose)
-
-
-def check_frame(
-    stamp: float, reach: float, error: float, least_reach: float | None = None
-) -> None:
-    """Refuse numbers of a frame that are out of their range.
-
-    Raises:
-        CellMapError: A number is.
-    """
-    if not isfinite(stamp):
-        raise CellMapError(f"stamp is {stamp}; it must be finite [s]")
-    if not (reach > 0.0 or reach == least_reach):
-        raise CellMapError(f"reach is {reach}; it must be positive [m]")
-    if not 0.0 <= error < inf:
-        raise CellMapError(f"error is {error}; it must be at least 0 [m]")
-
-
-def depths_of(image: ArrayLike) -> NDArray[np.float32]:
-    """Depths as single floats, by rows [m]: floats are metres, integers millimetres.
-
-    Raises:
-        CellMapError: It has no rows and columns of numbers.
-    """
-    found = np.asarray(image)
-    if found.ndim != 2 or found.size == 0 or found.dtype.kind not in "fiu":
-        raise CellMapError(
-            f"the image has shape {found.shape} of {found.dtype}; it must have rows "
-            "and columns of floats [m] or integers [mm]"
-        )
-    if found.dtype.kind in "iu":
-        found = found.astype(np.float32) * np.float32(1e-3)
-    with np.errstate(over="ignore"):
-        return np.ascontiguousarray(found, dtype=np.float32)

@@ -12,6 +12,7 @@ from armguard.cli.replay import replay
 from armguard.cli.report import report
 from armguard.cli.reset import reset
 from armguard.cli.run import run
+from armguard.cli.sense import sense
 from armguard.cli.serve import serve
 from armguard.cli.view import view
 
@@ -33,6 +34,7 @@ for command in (
     reset,
     view,
     replay,
+    sense,
     report,
     batch,
     chaos,

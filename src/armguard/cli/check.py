@@ -30,6 +30,7 @@ from armguard.cli.findings import (
 from armguard.cli.fits import fit_findings
 from armguard.cli.plausibility import plausibility_findings
 from armguard.cli.reflex import prove_reflex, reflex_findings, zone_table
+from armguard.cli.sensors import sensor_findings
 from armguard.cli.stopping import (
     figure_table,
     show_stops,
@@ -47,7 +48,7 @@ from armguard.scene.yaml_source import YamlSource, dotted
 STYLES = {"PASS": "blue", "WARN": "yellow", "FAIL": "bold magenta"}
 
 # Topics whose line is printed though it is a PASS.
-ALWAYS = ("claims", "reflex")
+ALWAYS = ("claims", "reflex", "sensors")
 
 
 def check(
@@ -108,6 +109,7 @@ def check(
         if reflex:
             zones = prove_reflex(loaded, prove_seconds)
         findings += reflex_findings(loaded, scene, zones)
+        findings += sensor_findings(loaded)
         if propose:
             proposals = proposed_pairs(loaded, propose)
     if json:

@@ -33,6 +33,7 @@ def prove_reflex(scene: Scene, seconds: float) -> list[ZoneProofs]:
     found = []
     with progress_bar("proving zones", total) as advance:
         for one in sensors:
+            assert one.on is not None
             robot = scene.robots[one.on.split("/", 1)[0]]
             found.append(
                 prove_zones(robot, one, reflex.distance, budget=budget, decided=advance)

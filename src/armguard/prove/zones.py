@@ -18,7 +18,7 @@ from armguard.prove.pair_tables import SideShapes, pair_tables
 from armguard.prove.search import PairSearch
 from armguard.robot.kinematics import kinematic_table
 from armguard.scene.robots import SceneRobot
-from armguard.scene.sensing import SceneSensor
+from armguard.scene.sensors import SceneSensor
 
 # Share of the time that is left for one search of several zones, and of one zone [-].
 OF_MANY, OF_ONE = 0.02, 0.05
@@ -149,6 +149,7 @@ class ZoneSearch:
         self._robot, self._sensor, self._distance = robot, sensor, distance
         self._budget, self._table = budget, kinematic_table(robot.model)
         self._end, self.count = monotonic() + budget.seconds, 0
+        assert sensor.on is not None
         self._carrier = sensor.on.split("/", 1)[1]
 
     def trips(self, block: Block, link: str) -> Masked | None:

@@ -1,7 +1,7 @@
 """Robots and objects of a scene by name, and the distances they must keep."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from numbers import Real
 from types import MappingProxyType
@@ -33,11 +33,11 @@ from armguard.scene.sensing import (
     UNSEEN,
     ReflexSettings,
     SceneSensing,
-    SceneSensor,
     SceneZone,
-    SensorSettings,
+    check_reflex_sensor,
     scene_sensing,
 )
+from armguard.scene.sensors import SceneSensor, SensorSettings, scene_sensors
 from armguard.scene.settings import Mode
 
 # The paper's fixed buffer, 1.2 inches beyond the modelled boundary [m].
@@ -91,6 +91,7 @@ class Contents:
         self.allowances: list[Allowance] = []
         self.pair_buffers: dict[tuple[str, str], float] = {}
         self._sensors: dict[str, SceneSensor] = {}
+        self._sensor_entries: dict[str, tuple[str, ...]] = {}  # sensors of each entry
         self.reflex: ReflexSettings | None = None
         self.sensing: SceneSensing | None = None
 
@@ -235,49 +236,49 @@ class Contents:
 
     def add_sensor(
         self, name: str, *, pose: Pose | None = None, **settings: Any
-    ) -> SceneSensor:
-        """Add a sensor.
+    ) -> tuple[SceneSensor, ...]:
+        """Add a sensor, or a ring of sensors.
 
         Args:
-            name: Its name.
-            pose: Its frame in the link that carries it.
-            settings: See `SensorSettings`; `on` is required.
+            name: Its name; sensor k of a ring is 'NAME/k'.
+            pose: Its frame, or that of the middle of the ring, in the link that carries
+                it or in the world.
+            settings: See `SensorSettings`.
 
         Raises:
             SceneError: The name is taken or no name, or a setting cannot be true.
             UnknownNameError: The link does not exist.
         """
         self._check_name(name)
-        known = checked(f"sensor '{name}'", settings, kind=SensorSettings)
-        self._check_body(known.on, link=True)
-        given = {field.name: getattr(known, field.name) for field in fields(known)}
-        made = SceneSensor(name=name, pose=pose or Pose(), **given)
-        self._sensors[name] = made
+        given = checked(f"sensor '{name}'", settings, kind=SensorSettings)
+        if given.on is not None:
+            self._check_body(given.on, link=True)
+        made = tuple(scene_sensors(name, given, pose or Pose()))
+        self._sensor_entries[name] = tuple(one.name for one in made)
+        self._sensors |= {one.name: one for one in made}
         return made
 
     def set_reflex(self, **settings: Any) -> None:
         """Declare the reflex that stops the arms by sensors.
 
         Args:
-            settings: See `ReflexSettings`; `sensors` is required.
+            settings: See `ReflexSettings`. The name of a ring is all of its sensors.
 
         Raises:
             SceneError: A setting cannot be true, or no zone can see so far.
             UnknownNameError: There is no such sensor.
         """
         reflex = checked("reflex", settings, kind=ReflexSettings)
+        names: list[str] = []
+        known = {*self._sensors, *self._sensor_entries}
         for name in reflex.sensors:
-            if name not in self._sensors:
-                raise UnknownNameError(
-                    f"no sensor is named '{name}'; {did_you_mean(name, self._sensors)}"
-                )
-            least, greatest = self._sensors[name].range
-            if not least < reflex.distance <= greatest:
-                raise SceneError(
-                    f"distance is {reflex.distance} m; sensor '{name}' measures from "
-                    f"{least} to {greatest} m"
-                )
-        self.reflex = reflex
+            if name not in known:
+                near = did_you_mean(name, known)
+                raise UnknownNameError(f"no sensor is named '{name}'; {near}")
+            names += self._sensor_entries.get(name, (name,))
+        for name in names:
+            check_reflex_sensor(self._sensors[name], reflex.distance)
+        self.reflex = replace(reflex, sensors=tuple(dict.fromkeys(names)))
 
     def set_sensing(
         self, *, zones: Mapping[str, SceneZone] | None = None, **settings: Any
@@ -355,7 +356,7 @@ class Contents:
                 f"'{name}' is no name; it must not be empty, hold '/', or start or end "
                 "in a blank"
             )
-        taken = (self._robots, self._objects, self._sensors, (SENSED, UNSEEN))
+        taken = (self._robots, self._objects, self._sensor_entries, (SENSED, UNSEEN))
         if any(name in one for one in taken):
             raise SceneError(f"the name '{name}' is taken; give another")
 

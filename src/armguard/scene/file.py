@@ -34,7 +34,8 @@ from armguard.scene.robots import (
 )
 from armguard.scene.scene import Scene
 from armguard.scene.schema import keys_of, part_of, sentence_of
-from armguard.scene.sensing import ReflexSettings, SensingSettings, SensorSettings
+from armguard.scene.sensing import ReflexSettings, SensingSettings
+from armguard.scene.sensors import SensorSettings
 from armguard.scene.settings import ObjectSettings, RobotSettings
 from armguard.scene.yaml_source import Keys, Problem, SceneFileError, YamlSource
 

@@ -40,9 +40,9 @@ from armguard.scene.sensing import (
     ReflexSettings,
     SceneZone,
     SensingSettings,
-    SensorSettings,
     ZoneSettings,
 )
+from armguard.scene.sensors import SensorSettings
 from armguard.scene.settings import (
     DEFAULT_MODE,
     CycleSettings,
@@ -185,10 +185,10 @@ class RobotEntry(RobotSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorEntry(SensorSettings):
-    """A sensor of the scene.
+    """A sensor of the scene, or a ring of sensors.
 
     Attributes:
-        at: A pose in the link that carries it.
+        at: A pose in the link that carries it, or in the world.
     """
 
     __pydantic_config__ = CLOSED

@@ -1,37 +1,29 @@
-"""Sensed space, sensors on links, the reflex that stops the arms: their settings."""
+"""Sensed space, and the reflex that stops the arms by sensors: their settings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import pi
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
 from armguard.scene.schema import (
     CLOSED,
     METRES,
-    SECONDS,
     SPEED,
     Name,
     NotNegative,
     Positive,
     PositiveTriple,
     Triple,
-    at_most,
     checked,
-    counted,
     part_of,
 )
-
-# The widest view whose zones are cut out of one plane before the sensor [rad].
-WIDEST = 0.9 * pi
+from armguard.scene.sensors import SceneSensor, Seconds
 
 Distance = Annotated[Positive, METRES]
-Seconds = Annotated[Positive, SECONDS]
-View = Annotated[Positive, at_most(WIDEST, "rad")]
 Port = Annotated[int, Field(ge=1, le=65535)]
-Count = Annotated[int, Field(ge=1, le=64)]
 
 
 def no_repetition(values: tuple[object, ...]) -> tuple[object, ...]:
@@ -46,52 +38,6 @@ def in_this_folder(value: str) -> str:
     if "/" in value or "\\" in value or value in (".", ".."):
         raise ValueError(f"is {value!r}; it must be a name without a folder")
     return value
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorSettings:
-    """A sensor on a link.
-
-    Attributes:
-        on: 'robot/link' that carries it.
-        kind: "tof": an array of zones that each measure a distance by time of flight.
-        zones: Columns and rows of its zones.
-        view: Angle of its view along the columns and along the rows [rad].
-        range: Least and greatest distance that it measures [m].
-        error: How far off a distance, or the place of a zone, may be [m].
-        period: Time from frame to frame [s].
-    """
-
-    __pydantic_config__ = CLOSED
-
-    on: Name
-    kind: Literal["tof"] = "tof"
-    zones: Annotated[tuple[Count, Count], counted(2)] = (8, 8)
-    view: Annotated[tuple[View, View], counted(2)] = (0.785, 0.785)
-    range: Annotated[tuple[Distance, Distance], counted(2)] = (0.02, 0.4)
-    error: Annotated[NotNegative, METRES] = 0.01
-    period: Seconds = 0.067
-
-    @model_validator(mode="after")
-    def _range_rises(self) -> Self:
-        least, greatest = self.range
-        if least >= greatest:
-            raise ValueError(f"range is {least} to {greatest} m; it must rise")
-        return self
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SceneSensor(SensorSettings):
-    """A sensor of a scene.
-
-    Attributes:
-        name: Its name.
-        pose: Its frame in the link that carries it: it looks along z, its columns
-            follow x, its rows y.
-    """
-
-    name: str
-    pose: Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +71,25 @@ class ReflexSettings:
     ] = (47811, 47812, 47813, 47814)
     period: Annotated[Positive, Field(ge=0.001, le=0.05)] = 0.02
     watchdog: Annotated[Positive, Field(ge=0.003, le=1.0)] = 0.1
+
+
+def check_reflex_sensor(sensor: SceneSensor, distance: float) -> None:
+    """Refuse a sensor by which the reflex cannot stop the arms.
+
+    Raises:
+        SceneError: It is a camera, no robot carries it, or it does not see so far.
+    """
+    if sensor.image or sensor.on is None:
+        raise SceneError(
+            f"the reflex takes zones of sensors on links; sensor '{sensor.name}' is "
+            f"{'a camera' if sensor.image else 'on none'}: leave it out"
+        )
+    least, greatest = sensor.range
+    if not least < distance <= greatest:
+        raise SceneError(
+            f"distance is {distance} m; sensor '{sensor.name}' measures from "
+            f"{least} to {greatest} m"
+        )
 
 
 # Names of bodies in verdicts: of sensed cells, and of space that no sensor has seen.

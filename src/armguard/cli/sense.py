@@ -1,0 +1,93 @@
+"""`armguard sense`: play frames of sensors again, and name their faults."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from typer import Option
+
+from armguard.cli.console import (
+    CLEAR,
+    Json,
+    RobotOption,
+    SceneFile,
+    loading_bar,
+    out,
+    print_json,
+)
+from armguard.scene import load_scene
+from armguard.sense import Sense, SensorHealth
+
+# Exit code if a sensor was at fault, or an object is missing.
+AT_FAULT = 1
+
+
+def sense(
+    scene: SceneFile,
+    play: Annotated[
+        Path, Option(help="File of joint positions and frames, see docs/sense.md.")
+    ],
+    robot: RobotOption = None,
+    json: Json = False,
+) -> None:
+    """Let sensors fill the map by frames from a file, and name their faults.
+
+    Exit codes: 0 all sensors were in order, 1 a sensor was at fault or a modelled
+    object is missing, 2 the file cannot be read.
+    """
+    with loading_bar() as progress:
+        loaded = load_scene(scene, robot=robot, progress=progress)
+    sensed = Sense(loaded)
+    events = sensed.play(play)
+    answer = answer_of(sensed, events)
+    if json:
+        print_json(answer)
+    else:
+        show(answer)
+    raise typer.Exit(answer["exit_code"])
+
+
+def answer_of(sensed: Sense, events: int) -> dict[str, Any]:
+    """What became of all frames, as plain values; times in s."""
+    sensors = {name: row_of(health) for name, health in sensed.health.items()}
+    faulty = any(row["faults"] for row in sensors.values()) or bool(sensed.missing)
+    return {
+        "events": events,
+        "intakes": {one.name: count for one, count in sensed.intakes.items()},
+        "sensors": sensors,
+        "missing": dict(sensed.missing),
+        "occupied": int(sensed.cells.occupied().sum()),
+        "known_free": int(sensed.cells.known_free().sum()),
+        "exit_code": AT_FAULT if faulty else CLEAR,
+    }
+
+
+def row_of(health: SensorHealth) -> dict[str, Any]:
+    """State of a sensor, and all its faults."""
+    return {
+        "state": str(health),
+        "frames": sum(health.intakes.values()),
+        "faults": [
+            {"fault": one.fault.name, "from": one.since, "to": one.seen, "is": str(one)}
+            for one in (*health.past, *health.faults.values())
+        ],
+    }
+
+
+def show(answer: dict[str, Any]) -> None:
+    """Print it."""
+    table = Table("sensor", "frames", "state", box=None)
+    for name, row in answer["sensors"].items():
+        table.add_row(name, str(row["frames"]), row["state"])
+    out.print(table)
+    for name, row in answer["sensors"].items():
+        for one in row["faults"]:
+            out.print(f"{one['from']:.3f} to {one['to']:.3f} s: {name}: {one['is']}")
+    for name, since in answer["missing"].items():
+        out.print(f"{since:.3f} s: object '{name}' is not where the scene has it")
+    counts = ", ".join(f"{count} {name}" for name, count in answer["intakes"].items())
+    out.print(
+        f"{answer['events']} events ({counts}); {answer['occupied']} cells occupied, "
+        f"{answer['known_free']} known free"
+    )

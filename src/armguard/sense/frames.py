@@ -1,0 +1,128 @@
+"""Frames of sensors as numbers, each zone or pixel with what its value says."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armguard.errors import WithSentence
+from armguard.scene.sensors import SceneSensor
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Intake(WithSentence):
+    """What became of a frame, or of joint positions.
+
+    Attributes:
+        sentence: The meaning in words.
+    """
+
+    TAKEN = 0, "it is in the map"
+    HITS_ONLY = 1, "it hits, and frees nothing: its sensor is at fault"
+    UNKNOWN_SENSOR = 2, "no sensor of the scene has that name"
+    WRONG_KIND = 3, "the sensor sends frames of another kind"
+    WRONG_TYPE = 4, "it has no numbers"
+    WRONG_SIZE = 5, "it has another size than the sensor"
+    NO_STAMP = 6, "its stamp is no finite number"
+    STAMP_BACK = 7, "its stamp is not after the last one"
+    STAMP_AHEAD = 8, "its stamp is after the newest joint positions"
+    NO_POSITIONS = 9, "no joint positions of its time are known"
+    NO_JOINTS = 10, "these are no joint positions, or their stamp does not rise"
+
+
+@dataclass(frozen=True, slots=True)
+class BadFrameError(Exception):
+    """A frame that cannot be used.
+
+    Attributes:
+        intake: Why.
+    """
+
+    intake: Intake
+
+
+class Frame(NamedTuple):
+    """A frame by zones or pixels, each array of shape (rows, columns).
+
+    Attributes:
+        depth: Distances perpendicular to the sensor [m]; NaN where none is measured.
+        firm: Which of them may free space.
+        nothing: Where nothing is within range.
+        impossible: Where the value cannot be: it is negative, or its status says that
+            it was measured and it is no number.
+    """
+
+    depth: Floats
+    firm: Bools
+    nothing: Bools
+    impossible: Bools
+
+    @property
+    def valid(self) -> float:
+        """Share of its zones or pixels that say something [-]."""
+        return float((np.isfinite(self.depth) | self.nothing).mean())
+
+
+def numbers(
+    values: ArrayLike, kinds: str, shape: tuple[int, int]
+) -> NDArray[np.generic]:
+    """An array of a shape, also from a flat one.
+
+    Args:
+        values: The values.
+        kinds: Kinds of numbers that are allowed, as in `dtype.kind`.
+        shape: Rows and columns.
+
+    Raises:
+        BadFrameError: They are no such numbers, or more or fewer.
+    """
+    try:
+        found = np.asarray(values)
+    except (TypeError, ValueError, OverflowError):
+        raise BadFrameError(Intake.WRONG_TYPE) from None
+    if found.dtype.kind not in kinds:
+        raise BadFrameError(Intake.WRONG_TYPE)
+    rows, columns = shape
+    if found.shape not in (shape, (rows * columns,)):
+        raise BadFrameError(Intake.WRONG_SIZE)
+    return found.reshape(shape)
+
+
+def frame_of(
+    sensor: SceneSensor, slopes: Floats, distance: ArrayLike, status: ArrayLike | None
+) -> Frame:
+    """A frame of a sensor.
+
+    Args:
+        sensor: The sensor.
+        slopes: Length of the ray of each zone at depth 1, shape (rows, columns).
+        distance: Distances: floats [m] or integers [mm].
+        status: What they are, by the codes of the sensor; None for all measured.
+
+    Raises:
+        BadFrameError: It cannot be used.
+    """
+    shape = slopes.shape
+    found = numbers(distance, "fiu", shape)
+    scale = 1e-3 if found.dtype.kind in "iu" else 1.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        depth = found.astype(np.float64) * scale
+        if sensor.along == "ray":
+            depth = depth / slopes
+    measured = firm = np.ones(shape, dtype=np.bool_)
+    nothing = np.zeros(shape, dtype=np.bool_)
+    if status is not None:
+        codes = numbers(status, "iu", shape)
+        firm = np.isin(codes, sensor.codes.valid)
+        measured = firm | np.isin(codes, sensor.codes.doubtful)
+        nothing = np.isin(codes, sensor.codes.nothing)
+    # Pixels of images without a measurement are NaN, infinite or 0.
+    lacks = sensor.image or status is None
+    no_number = ~np.isfinite(depth) | (depth == 0.0)
+    impossible = measured & ((depth < 0.0) | (no_number & (not lacks)))
+    within = (depth > 0.0) & (depth <= sensor.range[1])
+    usable = measured & ~impossible & within & ~no_number
+    return Frame(np.where(usable, depth, np.nan), firm & usable, nothing, impossible)

@@ -1,0 +1,253 @@
+"""Health of a sensor: tests of its frames, each fault with its time and its words."""
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import WithSentence
+from armguard.scene.sensors import SceneSensor
+from armguard.sense.frames import Frame, Intake
+from armguard.sense.prediction import Mount, Prediction
+from armguard.sense.view import View
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# A fault is over after this time without a sign of it [s].
+HEALS = 1.0
+
+# Faults that are over and kept.
+PAST = 64
+
+# Periods without a frame after which a sensor is silent [-].
+SILENT_PERIODS = 2.0
+
+# Frames in a row with too few valid distances, and the share that is too small [-].
+BLIND_FRAMES, LEAST_VALID = 3, 0.5
+
+# Distances that a frame and the one before have to share to be a repetition.
+LEAST_REPEATED = 8
+
+# Frames in a row in which a zone has the same distance to the bit though another one is
+# predicted.
+STUCK_FRAMES = 5
+
+# A window of frames in which zones see the same near distance while the sensor moves:
+# its length [s], the distances [m], the way of the sensor [m] and its turn [-].
+DIRTY_TIME, DIRTY_NEAR, DIRTY_WAY, DIRTY_TURN = 0.6, 0.3, 0.08, 0.2
+DIRTY_ZONES, DIRTY_FRAMES = 3, 6
+
+
+class Fault(WithSentence):
+    """A fault of a sensor.
+
+    Attributes:
+        sentence: The meaning in words.
+    """
+
+    SILENT = 0, "it sends no frames; check it and its cable"
+    LATE = 1, "its frames come later than declared; check its delay"
+    STAMP_BACK = 2, "its stamps go back, or stay; check its clock"
+    STAMP_AHEAD = 3, "its stamps are in the future; check its clock"
+    UNUSABLE = 4, "its frames cannot be used; check its driver"
+    REPEATED = 5, "it repeats its distances to the bit; start it again"
+    BLIND = 6, "most of its distances are invalid; clean it, or shade it"
+    STUCK = 7, "zones keep their distance though another one is predicted"
+    DIRTY = 8, "zones see the same near distance wherever it is; clean it"
+    MOVED = 9, "it is mounted elsewhere than the scene says"
+
+
+# Intakes that are signs of a fault.
+SIGNS = {
+    Intake.WRONG_KIND: Fault.UNUSABLE,
+    Intake.WRONG_TYPE: Fault.UNUSABLE,
+    Intake.WRONG_SIZE: Fault.UNUSABLE,
+    Intake.NO_STAMP: Fault.UNUSABLE,
+    Intake.STAMP_BACK: Fault.STAMP_BACK,
+    Intake.STAMP_AHEAD: Fault.STAMP_AHEAD,
+}
+
+
+@dataclass(slots=True)
+class FoundFault:
+    """A fault that was found.
+
+    Attributes:
+        fault: The fault.
+        since: When it was found first [s].
+        seen: When a sign of it was seen last [s].
+        detail: Further words, such as numbers of zones.
+    """
+
+    fault: Fault
+    since: float
+    seen: float
+    detail: str = ""
+
+    def __str__(self) -> str:
+        """Name, sentence and detail."""
+        more = f" ({self.detail})" if self.detail else ""
+        return f"{self.fault.name}: {self.fault.sentence}{more}"
+
+
+@dataclass(slots=True)
+class SensorHealth:
+    """Health of a sensor.
+
+    Attributes:
+        sensor: The sensor.
+        faults: Its present faults.
+        past: The last faults that are over.
+        intakes: How many of its frames became what.
+        stamp: Stamp of its last usable frame, minus infinity without any [s].
+    """
+
+    sensor: SceneSensor
+    faults: dict[Fault, FoundFault] = field(default_factory=dict)
+    past: deque[FoundFault] = field(default_factory=lambda: deque(maxlen=PAST))
+    intakes: Counter[Intake] = field(default_factory=Counter)
+    stamp: float = -np.inf
+
+    def __str__(self) -> str:
+        """Its state in words."""
+        if self.stamp == -np.inf and not self.faults:
+            return "no frame yet"
+        return "; ".join(map(str, self.faults.values())) or "in order"
+
+    @property
+    def trusted(self) -> bool:
+        """Whether its frames free space: none of its faults concerns distances."""
+        return not set(self.faults) - {Fault.LATE, Fault.SILENT}
+
+    def sign(self, fault: Fault, now: float, detail: str = "") -> None:
+        """A sign of a fault.
+
+        Args:
+            fault: The fault.
+            now: The time [s].
+            detail: Further words.
+        """
+        found = self.faults.setdefault(fault, FoundFault(fault, now, now))
+        found.seen, found.detail = now, detail
+
+    def heal(self, now: float) -> None:
+        """End the faults without a sign for some time."""
+        for fault, found in list(self.faults.items()):
+            if now - found.seen > HEALS:
+                self.past.append(self.faults.pop(fault))
+
+    def listen(self, now: float, start: float) -> None:
+        """Whether the sensor is silent.
+
+        Args:
+            now: The time [s].
+            start: Since when frames are expected [s].
+        """
+        sensor = self.sensor
+        wait = SILENT_PERIODS * sensor.period + sensor.delay + sensor.jitter
+        if now - max(self.stamp, start) > wait:
+            self.sign(Fault.SILENT, now)
+        self.heal(now)
+
+
+class FrameTests:
+    """Tests of the frames of a sensor, beside each other and beside the prediction.
+
+    Args:
+        view: The sensor.
+        health: Receives what is found.
+    """
+
+    def __init__(self, view: View, health: SensorHealth) -> None:
+        self._view, self._health = view, health
+        self._bytes, self._repeated, self._blind = b"", False, 0
+        zones = len(view.places[0])
+        self._values, self._run = np.full(zones, np.nan), np.zeros(zones, np.int64)
+        self._least, self._most = np.full(zones, np.inf), np.full(zones, -np.inf)
+        self._window: deque[tuple[float, Floats, Mount]] = deque()
+
+    def repeats(self, frame: Frame, now: float) -> bool:
+        """Whether a frame has the distances of the one before; twice is a fault."""
+        data = frame.depth.tobytes()
+        same = data == self._bytes and np.isfinite(frame.depth).sum() >= LEAST_REPEATED
+        if same and self._repeated:
+            self._health.sign(Fault.REPEATED, now)
+        self._bytes, self._repeated = data, bool(same)
+        return bool(same)
+
+    def test(
+        self, frame: Frame, mount: Mount, prediction: Prediction, now: float
+    ) -> None:
+        """Test a frame.
+
+        Args:
+            frame: The frame.
+            mount: Where the sensor was.
+            prediction: What it has to measure.
+            now: The time of it [s].
+        """
+        depth = frame.depth[self._view.places]
+        self._test_blind(frame, depth, prediction, now)
+        if frame.impossible.any():
+            self._health.sign(Fault.UNUSABLE, now, "values that cannot be")
+        self._test_stuck(depth, prediction, now)
+        self._test_dirty(depth, mount, prediction, now)
+
+    def _test_blind(
+        self, frame: Frame, depth: Floats, prediction: Prediction, now: float
+    ) -> None:
+        least, greatest = self._view.sensor.range
+        sees = (prediction.near > least) & (prediction.far < 0.8 * greatest)
+        valid = frame.valid
+        if sees.sum() >= max(4, 0.05 * len(depth)):
+            valid = float(np.isfinite(depth[sees]).mean())
+        elif self._view.sensor.image:
+            valid = 1.0
+        self._blind = 0 if valid >= LEAST_VALID else self._blind + 1
+        if self._blind >= BLIND_FRAMES:
+            self._health.sign(Fault.BLIND, now, f"{valid:.0%} valid")
+
+    def _test_stuck(self, depth: Floats, prediction: Prediction, now: float) -> None:
+        known = prediction.far < np.inf
+        same = (depth == self._values) & known
+        self._run = np.where(same, self._run + 1, 0)
+        self._least = np.where(same, np.minimum(self._least, prediction.near), np.inf)
+        self._most = np.where(same, np.maximum(self._most, prediction.near), -np.inf)
+        self._values = depth
+        moved = np.where(same, self._most, 0.0) - np.where(same, self._least, 0.0)
+        slack = self._view.slack(np.nan_to_num(depth))
+        stuck = (self._run >= STUCK_FRAMES) & (moved > 2.0 * slack)
+        if stuck.any():
+            self._health.sign(Fault.STUCK, now, zones_in_words(stuck))
+
+    def _test_dirty(
+        self, depth: Floats, mount: Mount, prediction: Prediction, now: float
+    ) -> None:
+        slack = self._view.slack(np.nan_to_num(depth))
+        nearer = depth < np.minimum(prediction.near - 2.0 * slack, DIRTY_NEAR)
+        other = np.where(np.isfinite(depth), np.inf, np.nan)
+        self._window.append((now, np.where(nearer, depth, other), mount))
+        while now - self._window[0][0] > DIRTY_TIME:
+            self._window.popleft()
+        first = self._window[0]
+        way = float(np.linalg.norm(mount.origin - first[2].origin))
+        turn = float(np.linalg.norm(mount.R - first[2].R))
+        still = way < DIRTY_WAY and turn < DIRTY_TURN
+        if len(self._window) < DIRTY_FRAMES or still:
+            return
+        seen = np.array([one for _, one, _ in self._window])
+        valid = np.isfinite(seen).mean(axis=0) > LEAST_VALID
+        low = np.nan_to_num(seen, nan=np.inf).min(axis=0)
+        high = np.nan_to_num(seen, nan=0.0, posinf=np.inf).max(axis=0)
+        dirty = valid & (high < DIRTY_NEAR) & (high - low < slack)
+        if dirty.sum() >= DIRTY_ZONES:
+            self._health.sign(Fault.DIRTY, now, zones_in_words(dirty))
+
+
+def zones_in_words(chosen: Bools) -> str:
+    """Numbers of zones, the first ones."""
+    numbers = np.flatnonzero(chosen)
+    more = f" and {len(numbers) - 4} more" if len(numbers) > 4 else ""
+    return f"zones {', '.join(map(str, numbers[:4]))}{more}"

@@ -1,0 +1,117 @@
+"""Cells of links and modelled objects: neither foreign, nor freed by sensors."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.cells.cell_map import CellMap
+from armguard.cells.state import Words
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.sense.prediction import Mount
+from armguard.sense.view import View
+from armguard.sense.world import Placed, World
+from armguard.table import IntVector
+
+Floats = NDArray[np.float64]
+Kept = tuple[IntVector, Words]
+MaskRow = tuple[int, Floats, float, float]
+
+HALF_SPACE, BOX = int(ShapeKind.HALF_SPACE), int(ShapeKind.BOX)
+
+# Time between two masks of all links, by which cells in them are passed [s].
+EVERY = 0.1
+
+
+class Masks:
+    """Masks of the links and objects of a scene in its map.
+
+    Args:
+        world: The scene.
+        cells: The map.
+    """
+
+    def __init__(self, world: World, cells: CellMap) -> None:
+        self._world, self._cells = world, cells
+        self._kept: dict[str, Kept] = {}
+        self._whole = -np.inf
+
+    def forget(self) -> None:
+        """Mask static objects again: one of them has another place."""
+        self._kept.clear()
+
+    def pass_links(self, placed: Placed, stamp: float) -> None:
+        """Pass the cells in all links, if that was not done for some time."""
+        if stamp < self._whole + EVERY:
+            return
+        self._whole = stamp
+        own = np.flatnonzero(self._world.own)
+        self._cells.mask(self._rows(own, placed, np.zeros(len(placed.rows))))
+        self._cells.points(np.zeros((0, 3)), np.zeros(3), stamp)
+
+    def set(self, view: View, mount: Mount, placed: Placed) -> None:
+        """Mask what a frame may hit, or free.
+
+        Args:
+            view: The sensor.
+            mount: Where it is.
+            placed: The primitives.
+        """
+        tables, sensor = self._world.tables, view.sensor
+        away = np.linalg.norm(placed.balls[:, :3] - mount.origin, axis=1)
+        depth = np.minimum(away + placed.balls[:, 3], sensor.range[1])
+        # The hits of zones are explained one by one, whatever their depth.
+        slack = view.slack(depth) if sensor.image else np.full(len(depth), sensor.error)
+        slack += mount.shift + mount.turn * depth
+        if sensor.name not in self._kept:
+            self._keep(sensor.name, sensor.on is not None, placed, slack)
+        reach = sensor.range[1] if sensor.image else view.reach
+        seen = away - placed.balls[:, 3] - slack <= reach
+        moving = np.arange(len(depth)) < tables.moving_count
+        chosen = np.flatnonzero(moving & seen)
+        rows = self._rows(chosen, placed, slack)
+        self._cells.mask(rows, self._kept[sensor.name])
+
+    def _keep(self, name: str, moves: bool, placed: Placed, slack: Floats) -> None:
+        """Mask the static objects once for a sensor.
+
+        Args:
+            name: Its name.
+            moves: Whether it moves: then the greatest slack is taken for all.
+            placed: The primitives.
+            slack: How far each may seem to reach, shape (p,) [m].
+        """
+        first = self._world.tables.moving_count
+        static = first + np.flatnonzero(placed.balls[first:, 3] >= 0.0)
+        if moves and len(static):
+            slack = np.full(len(slack), slack[first:].max())
+        self._cells.mask(self._rows(static, placed, slack))
+        self._kept[name] = self._cells.masked()
+
+    def _rows(
+        self, chosen: NDArray[np.int64], placed: Placed, slack: Floats
+    ) -> Iterator[MaskRow]:
+        """Rows of masks, see `CellMap.mask`."""
+        world, own = self._world, self._world.own
+        for i in chosen.tolist():
+            shift = float(placed.shifts[i])
+            inner = shift + float(world.model_errors[i]) if own[i] else np.inf
+            kind, row = int(world.kinds[i]), placed.rows[i]
+            if kind == HALF_SPACE:
+                kind, row = BOX, self._slab(row)
+            yield kind, row, inner, shift + float(slack[i])
+
+    def _slab(self, row: Floats) -> Floats:
+        """A box in place of a half-space, of which the map has no more."""
+        normal, cells = row[4:7], self._cells
+        edge = 2.0 * cells.size * cells.cell
+        # The surface below the middle of the map.
+        height = (cells.centre - row[1:4]) @ normal - row[0]
+        middle = cells.centre - (height + 0.5 * edge) * normal
+        side = np.eye(3)[np.abs(normal).argmin()]
+        u = np.cross(normal, side)
+        u /= np.linalg.norm(u)
+        box = np.zeros(16)
+        box[1:4], box[4:7] = middle, 0.5 * edge
+        box[7:16] = np.stack([u, np.cross(normal, u), normal], axis=1).reshape(9)
+        return box

@@ -1,0 +1,146 @@
+"""The view of a sensor: its zones in space, and how far it surely sees."""
+
+from math import inf, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.scene.sensors import SceneSensor
+from armguard.sense.frames import Frame
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Standard deviations of the noise that are taken for its greatest.
+SIGMAS = 3.0
+
+# Rays along each edge of a zone, with which its distance is predicted.
+RAYS = 3
+
+# Pixels along each edge of an image of which distances are predicted.
+LOOKS = 24
+
+
+class View:
+    """Zones or pixels of a sensor.
+
+    Attributes:
+        sensor: The sensor.
+        slopes: Length of the ray of each zone at depth 1, shape (rows, columns).
+        reach: Depth up to which the sensor surely sees what has the least size [m].
+        places: Rows and columns of the zones that are predicted, each of shape (z,).
+        ways: Unit vectors of the rays of these, in the sensor, shape (z, rays, 3).
+
+    Args:
+        sensor: The sensor.
+        size: Least diameter of what has to be seen [m].
+    """
+
+    def __init__(self, sensor: SceneSensor, size: float) -> None:
+        self.sensor = sensor
+        columns, rows = sensor.zones
+        x = (np.arange(columns) - sensor.middle[0]) / sensor.focal[0]
+        y = (np.arange(rows) - sensor.middle[1]) / sensor.focal[1]
+        self._x, self._y = np.meshgrid(x, y)
+        self.slopes = np.sqrt(1.0 + self._x**2 + self._y**2)
+        self.reach = min(sure_reach(sensor, size), sensor.range[1])
+        picked = (
+            np.unique(np.linspace(0, n - 1, min(n, LOOKS)).round().astype(np.int64))
+            if sensor.image
+            else np.arange(n)
+            for n in (rows, columns)
+        )
+        i, j = np.meshgrid(*picked, indexing="ij")
+        self.places = i.ravel(), j.ravel()
+        parts = np.zeros(1) if sensor.image else (np.arange(RAYS) + 0.5) / RAYS - 0.5
+        u, v = (part.ravel() for part in np.meshgrid(parts, parts))
+        ways = np.stack(
+            [
+                self._x[self.places][:, None] + u / sensor.focal[0],
+                self._y[self.places][:, None] + v / sensor.focal[1],
+                np.ones((len(self.places[0]), len(u))),
+            ],
+            axis=2,
+        )
+        self.ways = ways / np.linalg.norm(ways, axis=2, keepdims=True)
+
+    def slack(self, depth: Floats) -> Floats:
+        """How far off a distance may be by the sensor's error and its noise [m]."""
+        a, b, c = self.sensor.noise
+        depth = np.minimum(depth, 2.0 * self.sensor.range[1])
+        noise = a + b * depth + c * depth * depth
+        return np.asarray(self.sensor.error + SIGMAS * noise)
+
+    def points(self, zones: NDArray[np.int64], depth: Floats) -> Floats:
+        """Points of predicted zones at depths, in the sensor, shape (n, 3) [m]."""
+        i, j = (part[zones] for part in self.places)
+        return np.stack([self._x[i, j] * depth, self._y[i, j] * depth, depth], axis=1)
+
+    def patches(self, frame: Frame, R: Floats, origin: Floats) -> tuple[Floats, Bools]:
+        """Boxes about the areas that measured zones have at their depths.
+
+        Args:
+            frame: The frame.
+            R: Axes of the sensor in the world, by columns, shape (3, 3).
+            origin: Its place, shape (3,) [m].
+
+        Returns:
+            Rows of the boxes in the world, shape (n, 16), and which zones they are of.
+        """
+        chosen = np.isfinite(frame.depth)
+        depth = frame.depth[chosen]
+        local = np.stack([self._x[chosen] * depth, self._y[chosen] * depth, depth], 1)
+        rows = np.zeros((len(depth), 16))
+        rows[:, 1:4] = local @ R.T + origin
+        rows[:, 4] = 0.5 * depth / self.sensor.focal[0]
+        rows[:, 5] = 0.5 * depth / self.sensor.focal[1]
+        rows[:, 7:16] = R.reshape(9)
+        return rows, chosen
+
+    def clearable(self, depth: Floats, cell: float) -> Bools:
+        """Which depths are so near that a later frame can free their cells again."""
+        return np.asarray(depth + self.slack(depth) + 2.0 * cell <= self.reach)
+
+    def through(self, frame: Frame) -> Floats:
+        """Depths up to which the zones of a frame are looked through, NaN if unknown.
+
+        They are less than the measured ones by the error and the noise.
+        """
+        depth = np.where(frame.firm, frame.depth, np.nan)
+        depth = np.maximum(depth - self.slack(depth), 0.0)
+        depth[frame.nothing] = 2.0 * self.sensor.range[1]
+        return depth
+
+    def freeing(self, depth: Floats) -> Floats:
+        """Depths up to which space is surely free, NaN where it is not.
+
+        A zone is not seen to be filled by an object that fills less of it than its
+        share. Such an object has its middle in another zone, and reaches less than half
+        a zone into this one. So the half of a zone beside another one is free only as
+        far as that one is, and the half at the border of the view is not free at all.
+
+        Args:
+            depth: Result of `through`.
+        """
+        if self.sensor.image:
+            return depth
+        halves = np.pad(
+            depth.repeat(2, axis=0).repeat(2, axis=1), 1, constant_values=np.nan
+        )
+        windows = np.lib.stride_tricks.sliding_window_view(halves, (3, 3))
+        return np.asarray(windows.min(axis=(2, 3)))
+
+
+def sure_reach(sensor: SceneSensor, size: float) -> float:
+    """Depth up to which what has a least diameter fills its share of a zone [m].
+
+    In the worst case its middle is at the corner of four zones, and a quarter of its
+    disc is in each.
+
+    Args:
+        sensor: The sensor.
+        size: The diameter [m].
+    """
+    widest = 1.0 / min(sensor.focal)
+    filled = size * sqrt(pi / (16.0 * sensor.fill))
+    return filled / widest if widest > 0.0 else inf

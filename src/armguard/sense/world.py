@@ -1,0 +1,233 @@
+"""Links and modelled objects of a scene at a time, each with the error of its place."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.bounds import row_bounds
+from armguard.guard.monitor import Monitor
+from armguard.index.octree_state import ABSENT
+from armguard.robot.kinematics import FIXED, PRISMATIC, forward_kinematics
+from armguard.scene.compile import compile_scene
+from armguard.scene.scene import Scene
+from armguard.sense.history import JointHistory, Positions
+from armguard.sense.ranging import place_rows
+
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+# Ball about a primitive that is absent: it is near to nothing.
+NOWHERE = np.array([1e9, 1e9, 1e9, -1.0])
+
+
+class Placed(NamedTuple):
+    """Primitives at a time.
+
+    Attributes:
+        T_world: Poses of the bodies, shape (b, 12).
+        T_spread: Poses of the bodies at both ends of the time in question, each of that
+            shape.
+        error: How far off each joint position may be, shape (n,) [rad or m].
+        rows: Rows of the primitives in the world, shape (p, 16).
+        balls: Middle and radius of a ball about each, shape (p, 4) [m].
+        shifts: How far each may be from there, shape (p,) [m].
+    """
+
+    T_world: Floats
+    T_spread: tuple[Floats, Floats]
+    error: Floats
+    rows: Floats
+    balls: Floats
+    shifts: Floats
+
+
+class World:
+    """Primitives of a scene, placed by joint positions.
+
+    Attributes:
+        tables: The compiled scene; that of the guard, if there is one.
+        kinds: ShapeKind of each modelled primitive, shape (p,).
+        model_errors: How far each may reach beyond its surface, shape (p,) [m].
+        static: Rows of the primitives that no joint moves, in the order of the tables.
+        object_names: Object of each primitive, "" for links, shape (p,).
+
+    Args:
+        scene: The scene.
+        guard: A guard of it.
+    """
+
+    def __init__(self, scene: Scene, guard: Monitor | None = None) -> None:
+        tables = compile_scene(scene) if guard is None else guard.tables
+        self.tables, self._moving = tables, tables.moving_count
+        # Behind the modelled primitives a guard has slots for sensed cells.
+        self._count = count = tables.modelled
+        self.kinds, self._bodies = tables.kinds[:count], tables.bodies[:count]
+        self.model_errors = tables.model_errors[:count]
+        self.static = tables.local_rows[self._moving : count].copy()
+        self._balls = balls_about(self.kinds, tables.local_rows[:count])
+        self.object_names = np.array(
+            ["" if "/" in name else name for name in tables.body_names[:count]]
+        )
+        for item in tables.standing.values():
+            if not item.present and item.body < 0:
+                self._balls[item.places] = NOWHERE
+
+    def joint_figures(self) -> tuple[Floats, Floats]:
+        """Error of measured positions, and greatest acceleration, each of shape (n,).
+
+        Of robots without stopping figures they are 0.
+        """
+        error, acceleration = np.zeros((2, len(self.tables.q_names)))
+        for part in self.tables.robots:
+            own = slice(part.first_joint, part.first_joint + part.joint_count)
+            if part.stopping is not None:
+                error[own] = part.stopping.position_error
+                hardest = part.stopping.deceleration_most
+                hardest = np.where(np.isfinite(hardest), hardest, 0.0)
+                acceleration[own] = np.maximum(part.stopping.acceleration, hardest)
+        return error, acceleration
+
+    def follow(self, guard: Monitor) -> bool:
+        """Take over where a guard has static objects; whether one has moved."""
+        rows = guard.index.world.rows[self._moving : self._count]
+        there = guard.index.state.residency["status"][self._moving : self._count]
+        absent = there == ABSENT
+        same = np.array_equal(rows, self.static, equal_nan=True)
+        if same and np.array_equal(absent, self._balls[self._moving :, 3] < 0.0):
+            return False
+        self.static = rows.copy()
+        kinds = self.kinds[self._moving :]
+        self._balls[self._moving :] = balls_about(kinds, rows)
+        self._balls[self._moving :][absent] = NOWHERE
+        return True
+
+    @property
+    def own(self) -> NDArray[np.bool_]:
+        """Which primitives robots move, shape (p,): links and held objects."""
+        tables = self.tables
+        own = np.zeros(self._count, dtype=np.bool_)
+        bodies = tables.bodies[: tables.moving_count]
+        # A body that no robot holds has no parent, and it is no root of a robot.
+        own[: tables.moving_count] = tables.parent[bodies] >= 0
+        return own
+
+    def at(self, history: JointHistory, stamp: float, jitter: float) -> Placed | None:
+        """Primitives at a time; None if the joint positions of it are not known.
+
+        Args:
+            history: The joint positions.
+            stamp: The time [s].
+            jitter: How far off it may be [s].
+        """
+        middle = history.at(stamp)
+        if middle is None:
+            return None
+        found = [history.at(stamp + way) for way in (-jitter, jitter)]
+        first, last = (middle if one is None else one for one in found)
+        return self._placed(middle, first, last)
+
+    def _placed(self, middle: Positions, first: Positions, last: Positions) -> Placed:
+        tables = self.tables
+        T = self.poses(middle.q)
+        spread = self.poses(first.q), self.poses(last.q)
+        error = np.maximum(np.maximum(first.error, last.error), middle.error)
+        local = np.concatenate([tables.local_rows[: tables.moving_count], self.static])
+        rows = np.empty_like(local)
+        place_rows(self.kinds, self._bodies, local, T, rows)
+        balls, shifts = self._balls.copy(), np.zeros(len(local))
+        moving = slice(0, tables.moving_count)
+        bodies, centres = tables.bodies[moving], self._balls[moving, :3]
+        balls[moving, :3] = points_at(T[bodies], centres)
+        radii = self._balls[moving, 3]
+        placed = Placed(T, spread, error, rows, balls, shifts)
+        shifts[moving] = self.shift(placed, bodies, centres, radii)
+        return placed
+
+    def poses(self, q: Floats) -> Floats:
+        """Poses of all bodies, shape (b, 12)."""
+        t, out = self.tables, np.zeros((len(self.tables.parent), 12))
+        forward_kinematics(
+            q, t.parent, t.joint_kind, t.q_index, t.gain, t.T_parent_joint, t.axis, out
+        )
+        return out
+
+    def shift(
+        self, placed: Placed, bodies: Ints, centres: Floats, radii: Floats
+    ) -> Floats:
+        """How far balls on bodies may be from their places.
+
+        Args:
+            placed: The bodies.
+            bodies: Body of each, shape (k,).
+            centres: Middle of each in the body, shape (k, 3) [m].
+            radii: Radius of each, shape (k,) [m].
+
+        Returns:
+            Shape (k,) [m].
+        """
+        T = placed.T_world[bodies].reshape(-1, 3, 4)
+        middle = points_at(placed.T_world[bodies], centres)
+        way = np.zeros(len(bodies))
+        for ends in placed.T_spread:
+            S = ends[bodies].reshape(-1, 3, 4)
+            turned = np.linalg.norm(S[:, :, :3] - T[:, :, :3], axis=(1, 2))
+            moved = points_at(ends[bodies], centres) - middle
+            way = np.maximum(way, np.linalg.norm(moved, axis=1) + turned * radii)
+        return way + self._levers(placed, bodies, middle, radii)
+
+    def turn(self, placed: Placed, body: int) -> float:
+        """By what angle a body may be turned against its pose [rad]."""
+        R = placed.T_world[body].reshape(3, 4)[:, :3]
+        spread = [
+            float(np.linalg.norm(S[body].reshape(3, 4)[:, :3] - R))
+            for S in placed.T_spread
+        ]
+        tables, total = self.tables, 0.0
+        while body >= 0:
+            if tables.joint_kind[body] not in (FIXED, PRISMATIC):
+                total += placed.error[tables.q_index[body]] * abs(tables.gain[body, 0])
+            body = int(tables.parent[body])
+        return max(spread) + float(total)
+
+    def _levers(
+        self, placed: Placed, bodies: Ints, middle: Floats, radii: Floats
+    ) -> Floats:
+        """Ways of balls by the errors of all joints that carry them, shape (k,) [m]."""
+        tables, total = self.tables, np.zeros(len(bodies))
+        carriers = bodies.copy()
+        while (carriers >= 0).any():
+            at = np.maximum(carriers, 0)
+            joint = tables.q_index[at]
+            error = placed.error[joint] * np.abs(tables.gain[at, 0])
+            origin = placed.T_world[at][:, [3, 7, 11]]
+            lever = np.linalg.norm(middle - origin, axis=1) + radii
+            lever[tables.joint_kind[at] == PRISMATIC] = 1.0
+            moved = (carriers >= 0) & (tables.joint_kind[at] != FIXED)
+            total += np.where(moved, error * lever, 0.0)
+            carriers = np.where(carriers >= 0, tables.parent[at], -1)
+        return total
+
+
+def points_at(T: Floats, points: Floats) -> Floats:
+    """Points in frames as points of the world.
+
+    Args:
+        T: The frames, shape (k, 12).
+        points: A point in each, shape (k, 3) [m].
+    """
+    frames = T.reshape(-1, 3, 4)
+    turned = np.einsum("kij,kj->ki", frames[:, :, :3], points)
+    return np.asarray(turned + frames[:, :, 3])
+
+
+def balls_about(kinds: Ints, rows: Floats) -> Floats:
+    """Middle and radius of a ball about each of some primitives, shape (k, 4) [m]."""
+    balls, box = np.zeros((len(kinds), 4)), np.zeros(6)
+    for kind, row, ball in zip(kinds.tolist(), rows, balls, strict=True):
+        row_bounds(kind, row, 0.0, box)
+        middle = 0.5 * (box[:3] + box[3:])
+        ball[:] = *row[1:4], np.inf
+        if np.isfinite(box).all():
+            ball[:] = *middle, np.linalg.norm(box[3:] - middle)
+    return balls

@@ -1,0 +1,54 @@
+"""`armguard check` of sensors: the table of speeds by range and age, and the cost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armguard.cli.sensors import allowed_speed, sensor_findings
+from armguard.scene.sensing import IntruderSettings
+from sense_rig import bay
+
+FAST = IntruderSettings(speed=1.6, size=0.05)
+
+
+@pytest.mark.parametrize("reach", [0.15, 0.4, 1.0, 2.0])
+@pytest.mark.parametrize("speed", [0.0, 0.25, 1.6])
+def test_an_arm_of_the_allowed_speed_rests_before_what_comes(reach, speed):
+    age, hard, step = 0.092, 1.22, 1e-5
+    v = allowed_speed(reach, age, hard, speed)
+    t, gap, now = 0.0, reach, v
+    while now > 0.0 and gap > 0.0:
+        now = v if t < age else v - hard * (t - age)
+        gap -= (max(now, 0.0) + speed) * step
+        t += step
+    if v > 0.0:
+        assert gap == pytest.approx(0.03, abs=1e-3)
+    else:
+        assert reach - speed * age < 0.03
+
+
+def test_a_time_of_flight_skin_alone_is_slow_where_people_may_come():
+    # Declared figures of the paper's arm: 1.22 m/s².
+    found = [allowed_speed(0.4, 0.092, 1.22, w) for w in (0.0, 0.25, 1.6)]
+    assert found == pytest.approx([0.84, 0.63, 0.15], abs=0.005)
+
+
+def test_findings_name_rate_cost_and_speed_of_each_sensor():
+    first, *others = sensor_findings(bay(unknown="moving"))
+    assert "9 sensors, 512 zones, 150 frames/s take" in first.sentence
+    share = float(first.sentence.split("take ")[1].split("%")[0])
+    assert 0 < share < 300
+    assert len(others) == 9
+    skin, camera = others[0], others[-1]
+    assert "50 mm up to 0.43 m" in skin.sentence
+    assert "0.26 m/s if what it sees moves at 1.6 m/s" in skin.sentence
+    assert "1.94 m/s if what it sees moves at 1.6 m/s" in camera.sentence
+    assert [one.status for one in (skin, camera)] == ["PASS", "PASS"]
+    slow = bay(unknown="moving")
+    slow.sensing = replace(slow.sensing, intruder=replace(FAST, size=0.02))
+    assert list(sensor_findings(slow))[1].status == "WARN"
+    scene = bay()
+    scene.sensing = None
+    assert list(sensor_findings(scene)) == []
+    assert np.isfinite(share)
