@@ -1,70 +1,10 @@
-"""Tubes for tests, and what Coal on Pinocchio's kinematics measures along them."""
+"""Tubes for tests, and a scene for them."""
 
 import numpy as np
-import pinocchio as pin
-from scipy.interpolate import BPoly
 
 import armguard as ag
 from armguard.prove.tube import Tube
 from arms import simple_arm
-from peers.pinocchio_coal import AllDistances
-
-
-class Oracle:
-    """Distances of pairs of links by Coal, at positions that SciPy computes."""
-
-    def __init__(self, checker):
-        self.tables = checker.tables
-        self.peer = AllDistances(checker.tables)
-        for request in self.peer.results.distanceRequests:
-            request.gjk_tolerance = request.epa_tolerance = 1e-12
-            request.gjk_max_iterations = request.epa_max_iterations = 1000
-        self.names = self.tables.body_names
-        self.ends = [
-            tuple(sorted((self.names[pair.first], self.names[pair.second])))
-            for pair in self.peer.geometry.collisionPairs
-        ]
-        self.pairs = sorted(set(self.ends))
-        self.column = np.array([self.pairs.index(ends) for ends in self.ends])
-
-    def distances(self, rows):
-        """Of each pair of links in each row, shape (k, pairs)."""
-        found = np.full((len(rows), len(self.pairs)), np.inf)
-        for k, q in enumerate(self.peer.positions(rows)):
-            self.peer.step(q)
-            every = [r.min_distance for r in self.peer.results.distanceResults]
-            np.minimum.at(found[k], self.column, every)
-        return found
-
-    def distance(self, rows, a, b):
-        """Of one pair of links in each row, shape (k,)."""
-        peer, found = self.peer, np.full(len(rows), np.inf)
-        chosen = [
-            i for i, ends in enumerate(self.ends) if ends == tuple(sorted((a, b)))
-        ]
-        for k, q in enumerate(peer.positions(rows)):
-            pin.forwardKinematics(peer.model, peer.data, q)
-            pin.updateGeometryPlacements(
-                peer.model, peer.data, peer.geometry, peer.results
-            )
-            found[k] = min(
-                pin.computeDistance(peer.geometry, peer.results, i).min_distance
-                for i in chosen
-            )
-        return found
-
-    def buffer(self, a, b):
-        """What a pair has to keep [m]."""
-        group = self.tables.groups
-        return self.tables.buffers[
-            group[self.names.index(a)], group[self.names.index(b)]
-        ]
-
-
-def positions(tube, times):
-    """Joint positions on the curves, by SciPy."""
-    # SciPy's control points are for shares of the segment too.
-    return BPoly(np.moveaxis(tube.control, 0, 1), tube.times)(times)
 
 
 def arm_among_objects(buffer=0.01):

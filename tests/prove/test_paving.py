@@ -7,7 +7,8 @@ from scipy.optimize import brentq
 import armguard as ag
 from armguard.prove.paving import Paver
 from armguard.prove.tube import Tube
-from tubes import Oracle, arm_among_objects, positions, random_tube
+from tubes import arm_among_objects, random_tube
+from verifying.oracle import Oracle, positions
 
 RESOLUTION = 5e-5
 
@@ -22,7 +23,7 @@ def paver():
 
 @pytest.fixture(scope="module")
 def oracle(paver):
-    return Oracle(paver.checker)
+    return Oracle(paver.checker.tables)
 
 
 def intervals_of(paver, tube):
@@ -104,7 +105,7 @@ def test_the_nearest_place_and_first_contact_are_those_of_dense_samples(
     assert touching >= 3
     times = np.linspace(tube.times[0], tube.times[-1], 4001)
     sampled = oracle.distances(positions(tube, times)).min()
-    least = paver.least(tube, RESOLUTION)
+    least = paver.least(tube)
     assert least.bound - ACCURACY <= sampled
     at = oracle.distances(positions(tube, np.array([least.time]))).min()
     assert least.bound - ACCURACY <= at <= least.distance + ACCURACY
@@ -155,7 +156,7 @@ def test_a_straight_tube_that_keeps_its_buffers_has_no_interval(paver):
     paving = paver.pave(tube, RESOLUTION)
     assert paver.checker.prove(rows[:-1], rows[1:]).proven.all()
     assert paver.intervals(paving, tube, RESOLUTION) == []
-    assert paver.least(tube, RESOLUTION).bound > paver.checker.tables.buffers.max()
+    assert paver.least(tube).bound > paver.checker.tables.buffers.max()
 
 
 def test_exact_shapes_decide_as_they_do_for_rows():

@@ -13,6 +13,7 @@ from armguard.cli.report import report
 from armguard.cli.reset import reset
 from armguard.cli.run import run
 from armguard.cli.serve import serve
+from armguard.cli.verify import verify
 from armguard.cli.view import view
 
 app = typer.Typer(
@@ -28,6 +29,7 @@ for command in (
     init,
     check,
     run,
+    verify,
     serve,
     keys,
     reset,

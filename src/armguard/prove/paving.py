@@ -45,7 +45,7 @@ WIDE_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class NearestPlace:
     """Where two links are nearest.
 
     Attributes:
@@ -80,7 +80,7 @@ class NearInterval:
     start: float
     end: float
     buffer: float
-    nearest: Place
+    nearest: NearestPlace
     contact: float | None
 
 
@@ -171,13 +171,8 @@ class Paver:
             )
         return sorted(found, key=lambda one: (one.start, one.end))
 
-    def least(self, tube: Tube, resolution: float) -> Place | None:
-        """Where any checked pair is nearest in the whole tube; None if there is none.
-
-        Args:
-            tube: The tube.
-            resolution: Time that is not divided further [s].
-        """
+    def least(self, tube: Tube) -> NearestPlace | None:
+        """Where a checked pair is nearest in the whole tube; None if there is none."""
         rows = tube.at(tube.times)
         near = self.checker.distances(rows)
         if not (near.a >= 0).any():
@@ -223,7 +218,7 @@ class Paver:
 
     def _nearest(
         self, leaves: Floats, group: NDArray[np.intp], pairs: Longs, tube: Tube
-    ) -> list[Place]:
+    ) -> list[NearestPlace]:
         """Where links are nearest in each group of leaves."""
         # The most promising first: what they come down to rules out the others.
         order = np.lexsort((leaves[:, LOWER], leaves[:, UPPER], group))
@@ -239,7 +234,9 @@ class Paver:
         for (distance, bound, pair, _, _), time in zip(best, times, strict=True):
             a, b = pairs[int(pair)]
             names = self.links.names[a], self.links.names[b]
-            found.append(Place(*names, float(distance), float(bound), float(time)))
+            found.append(
+                NearestPlace(*names, float(distance), float(bound), float(time))
+            )
         return found
 
 

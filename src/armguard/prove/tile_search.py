@@ -33,6 +33,10 @@ WAITING = 64
 # Numbers that they take.
 PLACES = 3 * WAITING
 
+# A tile in whose middle two links keep their distance is halved so much further: only
+# the bound is too weak. With a width that would not end.
+FINER = 2.0**-10
+
 # Differences of distances below this decide nothing [m].
 ROUNDING = 2e-9
 
@@ -80,6 +84,26 @@ def bound_tile(
     return bound_pair(pair, limit, p, t)
 
 
+@kernel
+def is_halved(
+    share: float, smallest: float, need: float, gap: TileGap, t: Links
+) -> bool:
+    """Whether a tile that is not decided is halved.
+
+    Args:
+        share: Its share of the segment [-].
+        smallest: Share that is small enough [-].
+        need: Distance to keep [m].
+        gap: What is known of the distance.
+        t: The links.
+    """
+    if gap.upper - gap.lower < ROUNDING:
+        return False
+    if gap.found >= need and not t.wide.any():
+        smallest *= FINER
+    return bool(share > smallest)
+
+
 @kernel(inline=False, entry=True)
 def decide_tiles(
     tiles: Floats, start: int, plan: Longs, links: Longs, tube: Longs, leaves: Longs
@@ -114,7 +138,7 @@ def decide_tiles(
                 label = FREE
             elif gap.upper < need:
                 label = TOUCHING
-            elif high - low > smallest and not gap.upper - gap.lower < ROUNDING:
+            elif is_halved(high - low, smallest, need, gap, t):
                 middle = 0.5 * (low + high)
                 waiting[left, 0], waiting[left, 1] = middle, high
                 waiting[left + 1, 0], waiting[left + 1, 1] = low, middle
