@@ -102,39 +102,63 @@ def take_pairs(box: int, lane: int, s: Scratch, found: OpenPairs) -> bool:
     return True
 
 
-def pairs_in_boxes(
-    plan: Plan, middles: Floats, halves: Floats, margin: float, strict: int
-) -> tuple[Longs, Floats]:
-    """Every pair of primitives that may be nearer than a margin in a box.
+class BoxSearch:
+    """Lists pairs in boxes; what it writes to is kept from call to call.
 
     Args:
-        plan: The plan.
-        middles: Joint positions in the middle of each box, shape (k, n) [rad or m].
-        halves: Half widths of the boxes, of that shape.
-        margin: Distance below which a pair is listed [m].
-        strict: 1 if distances count above the pair's buffer.
-
-    Returns:
-        Box and the two primitives of each pair, shape (m, 3), and the distance, above
-        the buffer or not, that it is nowhere below, shape (m,) [m].
+        plan: The plan; its objects may be placed and removed between calls.
     """
-    sizes, lines = sizes_of(plan), Ledger(plan)
-    place, found, at = place_of(NEAR, sizes), [], 0
-    room, pairs = max(len(middles), WIDTH * ROOM), ROOM
-    while at < len(middles):
-        scratch = scratch_of(pairs, sizes)
-        scratch.arrays[0][...] = margin, strict, 0.0, limit_of(plan)
-        listing = OpenPairs(
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._sizes = Ledger(plan), sizes_of(plan)
+        self._limit = limit_of(plan)
+        self._place = place_of(NEAR, self._sizes)
+        self._make_room(WIDTH * ROOM, ROOM)
+
+    def _make_room(self, room: int, pairs: int) -> None:
+        """Room for so many pairs in all, and in each of eight boxes."""
+        self._room, self._pairs = room, pairs
+        self._scratch = scratch_of(pairs, self._sizes)
+        self._found = OpenPairs(
             total=np.zeros(1, dtype=np.int64),
             pairs=np.zeros((room, 3), dtype=np.int64),
             low=np.zeros(room),
         )
-        arrays = lines.lines, place.lines, scratch.lines, Ledger(listing).lines
-        at = list_boxes(middles, halves, at, *arrays)
-        count = int(listing.total[0])
-        found.append((listing.pairs[:count], listing.low[:count]))
-        room, pairs = 2 * room, 2 * pairs
-    if not found:
-        return np.zeros((0, 3), dtype=np.int64), np.zeros(0)
-    listed, low = map(np.concatenate, zip(*found, strict=True))
-    return listed, low
+        self._listing = Ledger(self._found)
+
+    def pairs(
+        self, middles: Floats, halves: Floats, margin: float, strict: int
+    ) -> tuple[Longs, Floats]:
+        """Every pair of primitives that may be nearer than a margin in a box.
+
+        Args:
+            middles: Joint positions in the middle of each box, shape (k, n) [rad or m].
+            halves: Half widths of the boxes, of that shape.
+            margin: Distance below which a pair is listed [m].
+            strict: 1 if distances count above the pair's buffer.
+
+        Returns:
+            Box and the two primitives of each pair, shape (m, 3), and the distance,
+            above the buffer or not, that it is nowhere below, shape (m,) [m].
+        """
+        found, at = [], 0
+        while True:
+            self._scratch.arrays[0][...] = margin, strict, 0.0, self._limit
+            self._found.total[0] = 0
+            at = list_boxes(
+                middles,
+                halves,
+                at,
+                self._plan.lines,
+                self._place.lines,
+                self._scratch.lines,
+                self._listing.lines,
+            )
+            count = int(self._found.total[0])
+            part = self._found.pairs[:count].copy(), self._found.low[:count].copy()
+            found.append(part)
+            if at == len(middles):
+                break
+            self._make_room(2 * self._room, 2 * self._pairs)
+        listed, low = map(np.concatenate, zip(*found, strict=True))
+        return listed, low

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.batch.checker import Checker
-from armguard.batch.tiles import pairs_in_boxes
+from armguard.batch.tiles import BoxSearch
 from armguard.prove.scene_links import SceneLinks
 from armguard.prove.tile_search import (
     COLUMNS,
@@ -105,6 +105,8 @@ class Paving:
 class Paver:
     """Proofs over tubes in the world of a checker, as it is when they are asked.
 
+    It writes to arrays of its own: one call at a time.
+
     Attributes:
         checker: The checker.
         links: The scene's links.
@@ -112,6 +114,7 @@ class Paver:
 
     def __init__(self, checker: Checker) -> None:
         self.checker, self.links = checker, SceneLinks(checker)
+        self._boxes, self._world = BoxSearch(checker.world), Ledger(checker.world)
 
     def pave(self, tube: Tube, resolution: float) -> Paving:
         """Decide for all times which pairs keep their buffer.
@@ -121,7 +124,7 @@ class Paver:
             resolution: Time that is not divided further [s].
         """
         tiles, middles, halves = boxes_of(tube)
-        found, _ = pairs_in_boxes(self.checker.world, middles, halves, 0.0, 1)
+        found, _ = self._boxes.pairs(middles, halves, 0.0, 1)
         code = self.links.pairs_of(found[:, 1:]) * len(tiles) + found[:, 0]
         number, tile = np.divmod(np.unique(code), len(tiles))
         known, pair = np.unique(number, return_inverse=True)
@@ -186,8 +189,7 @@ class Paver:
         pairs = self.links.ends_of(self.links.pairs_of(first))
         [place] = self._nearest(tile, np.zeros(1, dtype=np.intp), pairs, tube)
         tiles, middles, halves = boxes_of(tube)
-        world, margin = self.checker.world, place.distance
-        found, bound = pairs_in_boxes(world, middles, halves, margin, 0)
+        found, bound = self._boxes.pairs(middles, halves, place.distance, 0)
         if not len(found):
             return place
         order = np.argsort(bound, kind="stable")
@@ -203,18 +205,20 @@ class Paver:
         self, items: Floats, pairs: Longs, need: Floats, table: TubeTable
     ) -> Floats:
         """Leaves of tiles of pairs, see `decide_tiles`."""
-        lines = Ledger(self.checker.world), Ledger(self.links.table(pairs, need))
-        tube, at, found = Ledger(table), 0, []
-        room = max(2 * len(items), 1024)
+        found = [np.empty((0, COLUMNS))]
+        if not len(items):
+            return found[0]
+        links, tube = self.links.ledger(pairs, need), Ledger(table)
+        room, at = max(2 * len(items), 1024), 0
         items = np.ascontiguousarray(items, dtype=np.float64)
         while at < len(items):
             rows = np.empty((room, COLUMNS))
             leaves = Leaves(np.zeros(1, dtype=np.int64), rows)
-            ledgers = [*lines, tube, Ledger(leaves)]
+            ledgers = self._world, links, tube, Ledger(leaves)
             at = decide_tiles(items, at, *(ledger.lines for ledger in ledgers))
             found.append(rows[: leaves.total[0]])
             room *= 2
-        return np.concatenate([np.empty((0, COLUMNS)), *found])
+        return np.concatenate(found)
 
     def _nearest(
         self, leaves: Floats, group: NDArray[np.intp], pairs: Longs, tube: Tube
@@ -225,10 +229,10 @@ class Paver:
         given = leaves[order]
         given[:, LABEL] = group[order]
         best = np.zeros((int(group.max()) + 1, 5))
-        links = Ledger(self.links.table(pairs, np.zeros(len(pairs))))
+        links = self.links.ledger(pairs, np.zeros(len(pairs)))
         tolerance = WIDE_TOLERANCE if tube.wide.any() else TOLERANCE
-        world, table = Ledger(self.checker.world), Ledger(tube.table(0.0))
-        least_in_tiles(given, tolerance, world.lines, links.lines, table.lines, best)
+        world, table = self._world.lines, Ledger(tube.table(0.0))
+        least_in_tiles(given, tolerance, world, links.lines, table.lines, best)
         times = tube.time(best[:, 3].astype(np.intp), best[:, 4])
         found = []
         for (distance, bound, pair, _, _), time in zip(best, times, strict=True):

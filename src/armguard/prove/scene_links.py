@@ -12,9 +12,13 @@ from armguard.motion.chains import chains
 from armguard.motion.joint_rows import JointRow
 from armguard.prove.link_tiles import Links
 from armguard.record import records
+from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+# Arrays of the links that a call brings.
+PAIRS, NEED = (Links._fields.index(name) for name in ("pairs", "need"))
 
 
 class SceneLinks:
@@ -40,11 +44,12 @@ class SceneLinks:
         # Primitives of one name follow one another in the tables.
         end = first + np.bincount(of_primitive, minlength=len(first))
         exact, count = np.maximum(plan.exact_of[first], 0).T
-        self._spans = np.column_stack((first, end, exact, exact + count))
         self._body = np.ascontiguousarray(plan.bodies[first], dtype=np.int32)
         self._group = tables.groups[first]
         self._buffers, self._joints = tables.buffers, len(tables.q_names)
         self._chains = chains(tables)
+        spans = np.column_stack((first, end, exact, exact + count))
+        self._ledger = Ledger(self._table(spans))
 
     def pairs_of(self, primitives: NDArray[np.int64]) -> NDArray[np.int64]:
         """One number for the two links of each pair of primitives, shape (k,).
@@ -65,8 +70,8 @@ class SceneLinks:
             self._buffers[self._group[pairs[:, 0]], self._group[pairs[:, 1]]]
         )
 
-    def table(self, pairs: NDArray[np.int64], need: Floats) -> Links:
-        """Pairs of links as kernels read them.
+    def ledger(self, pairs: NDArray[np.int64], need: Floats) -> Ledger:
+        """Pairs of links as kernels read them, until the next call.
 
         Args:
             pairs: Places in `names`, shape (k, 2).
@@ -75,7 +80,14 @@ class SceneLinks:
         a, b = self._body[pairs].T
         both = (a >= 0) & (b >= 0)
         shared = np.where(both, self._chains.shared[a, b], 0)
-        counts = self._spans[:, [1, 3]] - self._spans[:, [0, 2]]
+        rows = np.column_stack((pairs, shared)).astype(np.int32)
+        self._ledger.put(PAIRS, np.ascontiguousarray(rows))
+        self._ledger.put(NEED, np.ascontiguousarray(need, dtype=np.float64))
+        return self._ledger
+
+    def _table(self, spans: Ints) -> Links:
+        """Links without a pair, for shapes in these places."""
+        counts = spans[:, [1, 3]] - spans[:, [0, 2]]
         shapes = 2 * int(counts.max(initial=1))
         depth = self._chains.joints.shape[1]
         bodies, joints = len(self._chains.length), self._joints
@@ -85,9 +97,9 @@ class SceneLinks:
         }
         return Links(
             body=self._body,
-            spans=self._spans.astype(np.int32),
-            pairs=np.column_stack((pairs, shared)).astype(np.int32),
-            need=np.ascontiguousarray(need, dtype=np.float64),
+            spans=spans.astype(np.int32),
+            pairs=np.zeros((0, 3), dtype=np.int32),
+            need=np.zeros(0),
             joints=self._chains.joints,
             length=self._chains.length,
             **scratch,
