@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | sensing | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | sensing | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign sensing attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign sensing attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -84,6 +84,10 @@ reach: .venv/dev
 # Rates, proofs and plans of batches; ARGS=panda_59_spheres.json; writes docs/batch.*
 batch-campaign: .venv/dev
 	$(BIN)/python benchmarks/batch_campaign.py $(ARGS)
+
+# Proofs of plans against dense samples of Coal; writes docs/verify.*
+verify-campaign: .venv/dev
+	$(BIN)/python benchmarks/verify_campaign.py $(ARGS)
 
 # Maps of cells beside OctoMap and FCL; ARGS=FOLDER with recorded images; writes docs/sensing.*.
 sensing: .venv/dev

@@ -62,6 +62,10 @@ if TYPE_CHECKING:
         Verdict,
     )
     from armguard.index import BruteForce, Octree
+    from armguard.plans.plan import Plan
+    from armguard.plans.proof import PlanProof
+    from armguard.plans.verify import PlanVerifier, verify
+    from armguard.prove.paving import NearestPlace, NearInterval
     from armguard.respond import Action, Command, Guard, Held
     from armguard.robot.stopping import StoppingFigures, StopTable, stopping_figures
     from armguard.scene import (
@@ -131,6 +135,10 @@ _ROOMS = {
         "Verdict",
     ),
     "armguard.index": ("BruteForce", "Octree"),
+    "armguard.plans.plan": ("Plan",),
+    "armguard.plans.proof": ("PlanProof",),
+    "armguard.plans.verify": ("PlanVerifier", "verify"),
+    "armguard.prove.paving": ("NearInterval", "NearestPlace"),
     "armguard.respond": ("Action", "Command", "Guard", "Held"),
     "armguard.robot.stopping": ("StopTable", "StoppingFigures", "stopping_figures"),
     "armguard.scene": (
@@ -178,13 +186,18 @@ __all__ = [
     "Level",
     "MeshError",
     "ModelError",
+    "NearInterval",
     "NearPair",
     "NearestCell",
     "NearestCells",
     "NearestPairs",
+    "NearestPlace",
     "Octree",
     "OctreeError",
     "PlacedShape",
+    "Plan",
+    "PlanProof",
+    "PlanVerifier",
     "Pose",
     "PoseError",
     "ProvenMotions",
@@ -216,6 +229,7 @@ __all__ = [
     "load_trajectory",
     "register_shape",
     "stopping_figures",
+    "verify",
 ]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armguard.batch.check import LONGEST, check_rows
 from armguard.batch.near import list_near, measure_pairs
 from armguard.batch.objects import place_object, place_rows, remove_object
-from armguard.batch.plan import open_of, plan_of
+from armguard.batch.plan import plan_of
 from armguard.batch.pose import NEAR
 from armguard.batch.prove import WHOLE, prove_motions
 from armguard.batch.results import (
@@ -25,12 +25,13 @@ from armguard.batch.room import (
     REACHED,
     Room,
     Settings,
-    Sizes,
+    limit_of,
     listing_of,
     place_of,
     room_of,
     scratch_of,
     settings_of,
+    sizes_of,
 )
 from armguard.batch.rows import order_of, rows_of
 from armguard.errors import SceneError
@@ -45,9 +46,6 @@ from armguard.scene.tables import SceneTables
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
-
-# The sine in lanes is exact up to this angle [rad].
-LARGEST_ANGLE = 1e5
 
 
 class Checker:
@@ -65,6 +63,8 @@ class Checker:
         lower: Least joint positions, shape (joints,) [rad or m].
         upper: Greatest joint positions, of that shape.
         labels: Name of each primitive, as in `NearPair.primitive_a`.
+        tables: The scene; its objects are where they are at first.
+        world: What kernels read, with objects where they are now.
 
     Args:
         scene: The scene, or its tables.
@@ -90,14 +90,11 @@ class Checker:
         self.lower, self.upper = tables.lower.copy(), tables.upper.copy()
         # Rows of hulls lead to numbers that these shapes hold.
         self._shapes, self._objects = tables.shapes, dict(tables.standing)
-        self._world = plan = plan_of(tables)
-        self._plan = Ledger(plan)
+        self.tables, self.world = tables, plan_of(tables)
+        self._plan = Ledger(self.world)
         self._spare: list[Room] = []
-        self._sizes = Sizes(
-            len(self.q_names), len(plan.parent), len(plan.kinds), open_of(plan)
-        )
-        factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
-        self._limit = (LARGEST_ANGLE - offset) / factor
+        self._sizes = sizes_of(self.world)
+        self._limit = limit_of(self.world)
         for name, item in self._objects.items():
             if not item.present:
                 self.remove(name)
@@ -120,7 +117,7 @@ class Checker:
         item = object_named(name, self._objects)
         if shape is not None:
             item = item.reshaped(name, shape)
-        place_object(self._world, item, transform_of(pose))
+        place_object(self.world, item, transform_of(pose))
         self._objects[name] = item
         self._spare.clear()
 
@@ -130,7 +127,7 @@ class Checker:
         Raises:
             UnknownNameError: There is no such object.
         """
-        place_rows(self._world, object_named(name, self._objects), rows, frame)
+        place_rows(self.world, object_named(name, self._objects), rows, frame)
         self._spare.clear()
 
     def remove(self, name: str) -> None:
@@ -139,7 +136,7 @@ class Checker:
         Raises:
             UnknownNameError: There is no such object.
         """
-        remove_object(self._world, object_named(name, self._objects))
+        remove_object(self.world, object_named(name, self._objects))
         # These begin with the pair that was nearest last, which may be gone.
         self._spare.clear()
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from armguard.batch.check import LONGEST
 from armguard.batch.near import Listing
+from armguard.batch.plan import Plan, open_of
 from armguard.batch.pose import CELLS, MOTIONS, ROWS, SPANS, Place
 from armguard.batch.prove import WAITING, Walk
 from armguard.batch.scratch import ROOM, Scratch, SearchSettings
@@ -55,6 +56,9 @@ class Room(NamedTuple):
     walk: Ledger
 
 
+# The sine in lanes is exact up to this angle [rad].
+LARGEST_ANGLE = 1e5
+
 # `SearchSettings` of a call.
 Settings = tuple[float, int, float, float]
 
@@ -71,6 +75,18 @@ def settings_of(margin: float, strict: int, drop: float, limit: float) -> Settin
     if not margin > -inf:
         raise SceneError(f"margin is {margin} m; it must be a number")
     return margin, strict, drop, limit
+
+
+def sizes_of(plan: Plan) -> Sizes:
+    """Sizes of a plan."""
+    shapes = len(plan.kinds)
+    return Sizes(len(plan.grid), len(plan.parent), shapes, open_of(plan))
+
+
+def limit_of(plan: Plan) -> float:
+    """Greatest joint position that can be judged [rad or m]."""
+    factor, offset = np.abs(plan.gain).max(axis=0, initial=1.0)
+    return float((LARGEST_ANGLE - offset) / factor)
 
 
 def room_of(sizes: Sizes) -> Room:

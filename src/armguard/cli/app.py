@@ -14,6 +14,7 @@ from armguard.cli.reset import reset
 from armguard.cli.run import run
 from armguard.cli.sense import sense
 from armguard.cli.serve import serve
+from armguard.cli.verify import verify
 from armguard.cli.view import view
 
 app = typer.Typer(
@@ -29,6 +30,7 @@ for command in (
     init,
     check,
     run,
+    verify,
     serve,
     keys,
     reset,

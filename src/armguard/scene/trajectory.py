@@ -33,6 +33,9 @@ class Trajectory:
             a whole machine does, a table made for this scene does not.
         notes: What its reader had to decide, each a sentence.
         unit_known: Whether the source names the unit of its times.
+        velocities: Joint velocities, NaN in rows without, shape (n, k), None if no row
+            has any [rad/s or m/s].
+        accelerations: Joint accelerations, likewise [rad/s² or m/s²].
     """
 
     names: tuple[str, ...]
@@ -43,6 +46,8 @@ class Trajectory:
     others: bool = False
     notes: tuple[str, ...] = ()
     unit_known: bool = True
+    velocities: Floats | None = None
+    accelerations: Floats | None = None
 
     def for_scene(
         self, scene: Scene, fill: Mapping[str, float] | None = None
@@ -86,6 +91,24 @@ class Trajectory:
                 for j in joints
             ]
         )
+
+    def rates_for_scene(self, scene: Scene) -> tuple[Floats | None, Floats | None]:
+        """Velocities and accelerations as `for_scene` orders positions.
+
+        Joints that the file does not have rest.
+        """
+        column, _ = self._columns(scene)
+        found: list[Floats | None] = []
+        for rates in (self.velocities, self.accelerations):
+            if rates is None:
+                found.append(None)
+                continue
+            placed = np.zeros((len(rates), len(scene.q_names)))
+            for place, joint in enumerate(scene.q_names):
+                if joint in column:
+                    placed[:, place] = rates[:, column[joint]]
+            found.append(placed)
+        return found[0], found[1]
 
     def unused(self, scene: Scene) -> tuple[str, ...]:
         """Names of the file that are no joint of the scene."""

@@ -1,10 +1,9 @@
-"""Motion files: tables of text, arrays, trajectories of ROS, requests of MoveIt."""
+"""Motion files: tables of text, arrays, and what ROS and MoveIt write."""
 
 import csv
 from io import BytesIO
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
 from zipfile import ZipFile, is_zipfile
 
 import numpy as np
@@ -12,8 +11,9 @@ from numpy.lib.format import read_array
 from ruamel.yaml import YAMLError
 
 from armguard.bounded import read_bytes, read_text, shown
-from armguard.errors import TrajectoryError, did_you_mean
+from armguard.errors import TrajectoryError
 from armguard.scene.trajectory import Trajectory
+from armguard.scene.trajectory_ros import read_trajectory
 from armguard.scene.trajectory_times import (
     TIME_COLUMN,
     check_times,
@@ -42,17 +42,17 @@ MOST_UNPACKED = 256_000_000
 # What others call the arrays, ours first.
 NAMES = ("names", "joint_names", "joints")
 POSITIONS = ("q", "qpos", "positions", "joint_positions")
-
-# What reading a value of another form raises.
-WRONG_FORM = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
+VELOCITIES = ("velocities", "joint_velocities")
+ACCELERATIONS = ("accelerations", "joint_accelerations")
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
     """Read a motion: CSV, NPZ, or a trajectory or MoveIt's motion request in YAML.
 
     CSV: a header of joint names, one configuration a row; a column `t`, `time` or
-    `stamp` is time. NPZ: arrays `names`, `q` and, if there is time, `t`. YAML and JSON:
-    `joint_names` and `points`, as ROS prints a trajectory.
+    `stamp` is time. NPZ: arrays `names`, `q` and, if there is time, `t`; `velocities`
+    and `accelerations` of that shape may be there too. YAML and JSON: a
+    `JointTrajectory` or `RobotTrajectory` as ROS prints it.
 
     Raises:
         TrajectoryError: The file cannot be read as any of these.
@@ -247,7 +247,25 @@ def read_npz(path: Path) -> Trajectory:
         stamps=stamps,
         source=name,
         unit_known=unit_of(key) is not None,
+        velocities=rates_of(held, VELOCITIES, q, name),
+        accelerations=rates_of(held, ACCELERATIONS, q, name),
     )
+
+
+def rates_of(
+    held: dict[str, np.ndarray], keys: tuple[str, ...], q: np.ndarray, file: str
+) -> np.ndarray | None:
+    """The array of velocities or accelerations; None if there is none."""
+    key = next((key for key in keys if key in held), "")
+    if not key:
+        return None
+    found = held[key]
+    if found.shape != q.shape or found.dtype.kind not in "fiu":
+        raise TrajectoryError(
+            f"{file}: {key} has shape {found.shape} of {found.dtype}; it must be "
+            f"{q.shape} of numbers, as q is"
+        )
+    return np.asarray(found, dtype=np.float64)
 
 
 def arrays_of(data: bytes) -> dict[str, np.ndarray]:
@@ -295,69 +313,7 @@ def read_yaml(path: Path) -> Trajectory:
         _, values = parse_yaml(read_text(path, MOST_YAML_BYTES))
     except YAMLError as error:
         raise TrajectoryError(f"'{path.name}' {sentence_of_yaml(error)}") from None
-    if isinstance(values, dict) and "points" in values:
-        return read_points(path.name, values)
-    return read_request(path.name, values)
-
-
-def read_points(name: str, values: dict[str, Any]) -> Trajectory:
-    """`trajectory_msgs/JointTrajectory`: waypoints that were planned."""
-    try:
-        joints = tuple(str(joint) for joint in values["joint_names"])
-        points = [[float(x) for x in point["positions"]] for point in values["points"]]
-        times = [since_start(point["time_from_start"]) for point in values["points"]]
-    except WRONG_FORM as error:
-        raise TrajectoryError(
-            f"'{name}' is no trajectory with joint_names and points, each with "
-            f"positions and time_from_start: {shown(str(error))}"
-        ) from None
-    for k, point in enumerate(points):
-        if len(point) != len(joints):
-            raise TrajectoryError(
-                f"{name}: point {k + 1} has {len(point)} positions; there are "
-                f"{len(joints)} joints"
-            )
-    q = np.array(points, dtype=np.float64).reshape(len(points), len(joints))
-    return Trajectory(joints, q, np.array(times), name)
-
-
-def since_start(value: Any) -> float:
-    """A duration: seconds, or ROS's pair of seconds and nanoseconds [s]."""
-    if not isinstance(value, dict):
-        return float(value)
-    whole: Any = value.get("sec", value.get("secs", 0))
-    rest: Any = value.get("nanosec", value.get("nsecs", 0))
-    return float(whole) + 1e-9 * float(rest)
-
-
-def read_request(name: str, request: Any) -> Trajectory:
-    """A MoveIt motion request: its start state, and its joint goal.
-
-    Joints the goal does not name stay where they start. The way between is not part
-    of a request.
-    """
-    try:
-        state = request["start_state"]["joint_state"]
-        start = dict(zip(state["name"], map(float, state["position"]), strict=True))
-        goal = dict(start)
-        for constraints in request["goal_constraints"]:
-            for joint in constraints["joint_constraints"]:
-                goal[joint["joint_name"]] = float(joint["position"])
-    except WRONG_FORM as error:
-        raise TrajectoryError(
-            f"'{name}' is no trajectory with joint_names and points, and no MoveIt "
-            "motion request with a start_state and joint goal_constraints: "
-            f"{shown(str(error))}"
-        ) from None
-    unknown = [joint for joint in goal if joint not in start]
-    if unknown:
-        raise TrajectoryError(
-            f"{name}: the goal names joint '{unknown[0]}', which has no start; "
-            f"{did_you_mean(unknown[0], start)}"
-        )
-    names = tuple(start)
-    q = np.array([[state[n] for n in names] for state in (start, goal)])
-    return Trajectory(names, q, None, name, ends_only=True)
+    return read_trajectory(path.name, values)
 
 
 READERS = {

@@ -1,0 +1,161 @@
+"""Proofs of plans against dense samples; writes docs/verify.json and docs/verify.md.
+
+make verify-campaign                                 1,000 plans of each kind
+make verify-campaign ARGS="--kind cubic --episodes 200"   some of one kind
+make verify-campaign ARGS=--page                     the page from what is known
+
+It resumes: an episode is a plan, and those that were judged with the same kernels are
+known from docs/verify.json.
+"""
+
+import sys
+from collections import Counter
+from functools import partial
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import armguard as ag
+from armguard.prove.paving import Paver
+from armguard.prove.tube import Tube
+from arrays import Floats
+from episodes.campaign import Campaign, Episode
+from episodes.records import Digest, Figures, version_of
+from pages import DOCS
+from timing import quiet
+from verifying.judge import RESOLUTION, judged
+from verifying.plans import KINDS, PATHS
+
+# Rows of the plan that is timed, its duration [s], and rounds.
+ROWS, DURATION, ROUNDS = 2000, 10.0, 30
+
+# How far its joints swing about home: clear, and with contacts [rad].
+SWINGS = {"clear": 0.1, "with contacts": 0.5}
+
+RATES = "rates"
+
+
+def run_episode(kind: str, seed: int) -> Episode:
+    """A plan, proven and judged; of the rates, their times."""
+    if kind == RATES:
+        return {"seed": seed, **rates()}
+    return {"seed": seed, **judged(KINDS[kind](seed), seed)}
+
+
+def timed_plan(home: Floats, swing: float, seed: int = 0) -> Tube:
+    """Arms swing about home, in straight lines between rows."""
+    rng = np.random.default_rng(seed)
+    times = np.linspace(0.0, DURATION, ROWS)
+    size = rng.uniform(0.3 * swing, swing, (3, len(home)))
+    phase = rng.uniform(0.0, 2.0 * np.pi, (3, len(home)))
+    q = np.tile(home, (ROWS, 1))
+    for k in range(3):
+        turn = 0.6 * (k + 1) * times[:, None] + phase[k]
+        q += size[k] * (np.sin(turn) - np.sin(phase[k]))
+    return Tube.straight(times, q)
+
+
+def rates() -> dict[str, Any]:
+    """Times of a proof, of all intervals and of the least distance [ms]."""
+    scene = ag.bay_scene()
+    paver, found = Paver(ag.Checker(scene)), {}
+    for name, swing in SWINGS.items():
+        tube, times = timed_plan(scene.home, swing), []
+        with quiet():
+            for _ in range(ROUNDS):
+                start = perf_counter()
+                paving = paver.pave(tube, RESOLUTION)
+                proven = perf_counter()
+                intervals = paver.intervals(paving, tube, RESOLUTION)
+                listed = perf_counter()
+                paver.least(tube)
+                end = perf_counter()
+                times.append((proven - start, listed - start, end - listed))
+        proof, every, least = (1e3 * median(one) for one in zip(*times, strict=True))
+        found[name] = {
+            "intervals": len(intervals),
+            "proof_ms": proof,
+            "intervals_ms": every,
+            "least_ms": least,
+        }
+    return {"plans": found, "again_s": again()}
+
+
+def again() -> float:
+    """Time to prove 1,000 plans of one arm again, after a table has moved [s]."""
+    scene = ag.Scene(mode="fixed")
+    scene.add_robot(ag.bay_scene().robots["left"].model, name="arm")
+    table, low = ag.Box(size=(1.5, 1.5, 0.05)), (0.0, 0.0, -0.3)
+    scene.add(table, name="table", pose=ag.Pose(xyz=low))
+    for k in range(6):
+        x, y = 0.75 * np.cos(k), 0.75 * np.sin(k)
+        place = ag.Pose(xyz=(x, y, 0.0))
+        scene.add(ag.Box(size=(0.1, 0.1, 0.3)), name=f"box{k}", pose=place)
+    checker = ag.Checker(scene)
+    paver = Paver(checker)
+    tubes = [timed_plan(checker.tables.home, 0.3, seed) for seed in range(100)]
+    for tube in tubes:
+        paver.pave(tube, RESOLUTION)
+    checker.place("table", ag.Pose(xyz=(0.0, 0.0, -0.25)))
+    with quiet():
+        start = perf_counter()
+        for tube in 10 * tubes:
+            paver.intervals(paver.pave(tube, RESOLUTION), tube, RESOLUTION)
+        return perf_counter() - start
+
+
+def summed_up(kind: str, episodes: list[Episode]) -> Figures:
+    """Figures of episodes; all but those of rates are sums."""
+    if kind == RATES:
+        last = episodes[-1]
+        return {"episodes": 1, "plans": last["plans"], "again_s": last["again_s"]}
+    without: Counter[str] = Counter()
+    for episode in episodes:
+        without.update(episode["without"])
+    keys = ("intervals", "missed", "ends", "ends_off", "firsts", "first_off")
+    sums = {key: sum(e[key] for e in episodes) for key in (*keys, "samples", "unseen")}
+    return {
+        "episodes": len(episodes),
+        **sums,
+        "sampled_wrong": sum(e["unseen"] > 0 for e in episodes),
+        "seconds": sum(e["seconds"] for e in episodes),
+        "without": dict(without),
+    }
+
+
+def digest(episode: Episode) -> Digest:
+    """What came of an episode, in short."""
+    outcome = "missed" if episode.get("missed") else ""
+    if episode.get("ends_off") or episode.get("first_off"):
+        outcome = "a time is off"
+    keys = ("intervals", "unseen")
+    return Digest(
+        episode["seed"], outcome, None, {k: episode[k] for k in keys if k in episode}
+    )
+
+
+def is_broken(figures: Figures) -> bool:
+    """Whether a promise is broken."""
+    keys = ("missed", "ends_off", "first_off")
+    return any(figures.get(key, 0) > 0 for key in keys)
+
+
+CAMPAIGN = Campaign(
+    results=DOCS / "verify.json",
+    kinds={kind: partial(run_episode, kind) for kind in (*KINDS, RATES)},
+    version=version_of("verify_campaign"),
+    extreme={},
+    summed_up=summed_up,
+    digest=digest,
+    is_broken=is_broken,
+    is_notable=lambda episode: bool(digest(episode).outcome),
+    count=1000,
+    shares={"public": 0.001 * 2 * PATHS, RATES: 0.001},
+    written=20,
+)
+
+
+if __name__ == "__main__":
+    sys.exit(CAMPAIGN.main(__doc__))

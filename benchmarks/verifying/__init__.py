@@ -1,0 +1,1 @@
+"""Plans that are proven, and an oracle of them."""

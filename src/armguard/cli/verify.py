@@ -1,0 +1,213 @@
+"""`armguard verify`: prove whole plans before anything moves."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from typer import Option
+
+from armguard.cli.console import (
+    CLEAR,
+    TOO_CLOSE,
+    Json,
+    RobotOption,
+    loading_bar,
+    out,
+    print_json,
+    say,
+    with_options,
+)
+from armguard.errors import TrajectoryError
+from armguard.plans.certificate import Certificate
+from armguard.plans.plan import Plan
+from armguard.plans.proof import PlanProof
+from armguard.plans.recheck import recheck
+from armguard.plans.splines import DEGREES, Interpolation
+from armguard.plans.verify import PlanVerifier
+from armguard.recording.motions import load_motion
+from armguard.scene import Scene, load_scene
+from armguard.scene.compile import compile_scene
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The command line."""
+
+    plans: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Plans: CSV with joint names, NPZ, NPY, a trajectory of ROS in YAML "
+            "or JSON, a bag, or a recording of armguard."
+        ),
+    ]
+    scene: Annotated[Path, Option(help="Scene file.")]
+    recheck: Annotated[
+        bool,
+        Option(
+            help="The files are certificates: confirm them with Coal and Pinocchio, "
+            "and with no line of what proved them."
+        ),
+    ] = False
+    certificate: Annotated[
+        Path | None, Option(help="NPZ file to write, with every tile of the proof.")
+    ] = None
+    interpolation: Annotated[
+        str | None,
+        Option(
+            help="What the controllers make of the rows: linear, cubic or quintic. By "
+            "default as in the trajectory controller of ROS: by the velocities and "
+            "accelerations that the rows have."
+        ),
+    ] = None
+    following_error: Annotated[
+        list[str] | None,
+        Option(
+            help="How far joints may be off the plan [rad or m]: a number, or "
+            "ROBOT=NUMBER or ROBOT/JOINT=NUMBER; repeat it for each."
+        ),
+    ] = None
+    skew: Annotated[
+        list[str] | None,
+        Option(
+            help="How far the clocks of robots may be off [s]: a number, or "
+            "ROBOT=NUMBER; repeat it for each."
+        ),
+    ] = None
+    start: Annotated[
+        str | None,
+        Option(
+            help="Where the arms rest before: 'home', or the last row of a file. "
+            "The way from there to the first row is proven too."
+        ),
+    ] = None
+    hold_home: Annotated[
+        bool, Option(help="Hold joints that a plan lacks at their home position.")
+    ] = False
+    robot: RobotOption = None
+    json: Json = False
+
+
+@with_options(Options)
+def verify(options: Options) -> None:
+    """Prove that plans keep every buffer, or list when which pair does not.
+
+    Exit code 0 proven, 1 a plan comes too near, 2 bad input.
+    """
+    with loading_bar() as progress:
+        scene = load_scene(options.scene, robot=options.robot, progress=progress)
+    if options.recheck:
+        recheck_all(options.plans, scene)
+        return
+    kind = interpolation_of(options.interpolation)
+    errors = named_numbers("--following-error", options.following_error)
+    skew = named_numbers("--skew", options.skew)
+    start = start_of(options.start, scene)
+    plans = [
+        Plan.read(
+            path,
+            scene,
+            interpolation=kind,
+            start=start,
+            hold_home=options.hold_home,
+        )
+        for path in options.plans
+    ]
+    verifier = PlanVerifier(scene)
+    proofs = [
+        verifier.verify(plan, following_error=errors, skew=skew) for plan in plans
+    ]
+    if options.certificate is not None:
+        if len(plans) > 1:
+            raise TrajectoryError("a certificate is of one plan; give one")
+        if errors or skew:
+            raise TrajectoryError(
+                "a certificate is of the curves alone; leave out the following error "
+                "and the skew"
+            )
+        verifier.certificate(plans[0]).write(options.certificate)
+    if options.json:
+        print_json(answer_of(options.scene.name, proofs))
+    else:
+        for proof in proofs:
+            for note in proof.notes:
+                say(f"note: {note}")
+            out.print(proof.sentence, markup=False)
+    raise typer.Exit(CLEAR if all(proof.clear for proof in proofs) else TOO_CLOSE)
+
+
+def recheck_all(paths: list[Path], scene: Scene) -> None:
+    """Confirm certificates; exit code 1 if one leaves a pair open.
+
+    Raises:
+        CertificateError: One cannot be confirmed.
+    """
+    tables = compile_scene(scene)
+    open_still = 0
+    for path in paths:
+        found = recheck(Certificate.read(path), tables)
+        open_still += found.open
+        out.print(
+            f"{path.name}: confirmed, {found.tiles} tiles and {found.leaves} leaves, "
+            f"{found.measured} distances; {found.open} leaves are not claimed to be "
+            "free",
+            markup=False,
+        )
+    raise typer.Exit(TOO_CLOSE if open_still else CLEAR)
+
+
+def answer_of(scene: str, proofs: list[PlanProof]) -> dict[str, Any]:
+    """The answer as one JSON object."""
+    return {
+        "scene": scene,
+        "clear": all(proof.clear for proof in proofs),
+        "plans": [proof.to_dict() for proof in proofs],
+    }
+
+
+def interpolation_of(name: str | None) -> Interpolation | None:
+    """An interpolation by its name.
+
+    Raises:
+        TrajectoryError: There is none of that name.
+    """
+    for known in DEGREES:
+        if name == known:
+            return known
+    if name is not None:
+        raise TrajectoryError(
+            f"interpolation '{name}' is unknown; give {', '.join(DEGREES)}"
+        )
+    return None
+
+
+def named_numbers(option: str, given: list[str] | None) -> dict[str, float]:
+    """Numbers by name, "" for all.
+
+    Raises:
+        TrajectoryError: One is no number.
+    """
+    found = {}
+    for text in given or ():
+        name, _, number = text.rpartition("=")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            raise TrajectoryError(
+                f"{option} {text}: '{number}' is no number; give NUMBER or NAME=NUMBER"
+            ) from None
+    return found
+
+
+def start_of(given: str | None, scene: Scene) -> Floats | None:
+    """Joint positions at which the arms rest before a plan, shape (n,)."""
+    if given is None:
+        return None
+    if given == "home":
+        return scene.home
+    row: Floats = load_motion(Path(given)).for_scene(scene)[-1]
+    return row

@@ -1,0 +1,1 @@
+"""Plans as controllers execute them, and proofs over whole plans."""
