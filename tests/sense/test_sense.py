@@ -147,3 +147,23 @@ def test_a_scene_without_sensors_or_space_is_refused(change, says):
     change(scene)
     with pytest.raises(SceneError, match=says):
         ag.Sense(scene)
+
+
+def test_links_that_their_primitives_only_enclose_are_not_mapped():
+    scene = ag.Scene(mode="path", period=0.004)
+    for name, y in (("left", 0.4), ("right", -0.4)):
+        scene.add_robot("panda", name, base=ag.Pose(xyz=(0, y, 0)))
+    table = ag.Box(size=(1.2, 2.0, 0.05))
+    scene.add(table, "table", pose=ag.Pose(xyz=(0.5, 0, -0.13)))
+    scene.set_sensing(
+        region={"centre": (0.2, 0, 0.4), "size": 128}, cell=0.025, unknown="still",
+        intruder={"speed": 1.6, "size": 0.05},
+    )  # fmt: skip
+    ring = {"count": 4, "radius": 0.14, "height": -0.1}
+    for name in ("left", "right"):
+        link = f"{name}/panda_link5"
+        scene.add_sensor(name + "_ring", kind="vl53l8cx", on=link, ring=ring)
+    found, frames, free = mapped(scene, 8.0, 0.01, 0.005, speed=1.0)
+    assert frames > 900
+    assert found == []
+    assert free.sum() > 5_000

@@ -105,6 +105,8 @@ class Alignment:
             np.where(prediction.primitive >= 0, part, 0.0) for part in prediction[:2]
         )
         known = (near > 0.0) & (far - near < CAPTURE) & frame.firm[self._view.places]
+        # What encloses a surface with more room than that shows no offset.
+        known &= prediction.overreach <= self._view.sensor.error
         chosen = np.flatnonzero(known & (np.abs(depth - near) < CAPTURE))
         chosen = chosen[:: max(len(chosen) // POINTS, 1)]
         if len(chosen):

@@ -178,12 +178,14 @@ class FrameTests:
         return bool(same)
 
     def test(
-        self, frame: Frame, mount: Mount, prediction: Prediction, now: float
-    ) -> None:
+        self, frame: Frame, hits: Floats, mount: Mount, prediction: Prediction,
+        now: float,
+    ) -> None:  # fmt: skip
         """Test a frame.
 
         Args:
             frame: The frame.
+            hits: Depths of it that nothing explains, NaN elsewhere [m].
             mount: Where the sensor was.
             prediction: What it has to measure.
             now: The time of it [s].
@@ -193,7 +195,8 @@ class FrameTests:
         if frame.impossible.any():
             self._health.sign(Fault.UNUSABLE, now, "values that cannot be")
         self._test_stuck(depth, prediction, now)
-        self._test_dirty(depth, mount, prediction, now)
+        foreign = np.isfinite(hits[self._view.places])
+        self._test_dirty(depth, foreign, mount, now)
 
     def _test_blind(
         self, frame: Frame, depth: Floats, prediction: Prediction, now: float
@@ -223,10 +226,10 @@ class FrameTests:
             self._health.sign(Fault.STUCK, now, zones_in_words(stuck))
 
     def _test_dirty(
-        self, depth: Floats, mount: Mount, prediction: Prediction, now: float
+        self, depth: Floats, foreign: Bools, mount: Mount, now: float
     ) -> None:
         slack = self._view.slack(np.nan_to_num(depth))
-        nearer = depth < np.minimum(prediction.near - 2.0 * slack, DIRTY_NEAR)
+        nearer = foreign & (depth < DIRTY_NEAR)
         other = np.where(np.isfinite(depth), np.inf, np.nan)
         self._window.append((now, np.where(nearer, depth, other), mount))
         while now - self._window[0][0] > DIRTY_TIME:

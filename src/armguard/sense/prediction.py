@@ -16,6 +16,10 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
+# Overreach of a primitive from which on its edge is not that of its surface [m].
+OVERREACH = 0.003
+
+
 class Mount(NamedTuple):
     """Where a sensor is at a time.
 
@@ -41,11 +45,14 @@ class Prediction(NamedTuple):
         far: Greatest one, infinite where one ray meets none, shape (z,) [m].
         primitive: Primitive that all rays of a zone meet; -1 if they meet several, or
             if one meets none, shape (z,).
+        overreach: How far the primitives that are met may reach beyond the surfaces
+            that they enclose, shape (z,) [m].
     """
 
     near: Floats
     far: Floats
     primitive: Ints
+    overreach: Floats
 
 
 def mount_of(sensor: SceneSensor, world: World, placed: Placed) -> Mount:
@@ -63,26 +70,36 @@ def mount_of(sensor: SceneSensor, world: World, placed: Placed) -> Mount:
     return Mount(T[:3, :3], T[:3, 3], float(shift[0]), world.turn(placed, frame.body))
 
 
-def predict(view: View, mount: Mount, placed: Placed, kinds: Ints) -> Prediction:
+def predict(view: View, mount: Mount, placed: Placed, world: World) -> Prediction:
     """Depths of the predicted zones of a sensor.
 
     Args:
         view: The sensor.
         mount: Where it is.
         placed: The primitives.
-        kinds: ShapeKind of each, shape (p,).
+        world: The scene.
     """
     zones, rays, _ = view.ways.shape
     ways = view.ways.reshape(-1, 3)
     out = np.zeros((len(ways), 2))
     reach = 2.0 * view.sensor.range[1]
-    cast(mount.origin, ways @ mount.R.T, kinds, placed.rows, placed.balls, reach, out)
+    cast(
+        mount.origin,
+        ways @ mount.R.T,
+        world.kinds,
+        placed.rows,
+        placed.balls,
+        reach,
+        out,
+    )
     depth = (out[:, 0] * ways[:, 2]).reshape(zones, rays)
     which = out[:, 1].reshape(zones, rays).astype(np.int32)
     same = (which == which[:, :1]).all(axis=1)
+    errors = np.where(which >= 0, world.model_errors[which], 0.0)
     return Prediction(
-        depth.min(axis=1), depth.max(axis=1), np.where(same, which[:, 0], -1)
-    )
+        depth.min(axis=1), depth.max(axis=1), np.where(same, which[:, 0], -1),
+        errors.max(axis=1),
+    )  # fmt: skip
 
 
 def explained(
@@ -115,7 +132,10 @@ def explained(
     near = -about(-prediction.near.reshape(shape))[chosen]
     far = about(prediction.far.reshape(shape))[chosen]
     merged = np.minimum(far + slack, near + view.sensor.merge)
-    edge = (far > near + slack) & (near - slack <= depth) & (depth <= merged)
+    # A surface may end before the primitive that encloses it.
+    over = about(prediction.overreach.reshape(shape))[chosen] > OVERREACH
+    merged = np.where(over, near + view.sensor.merge, merged)
+    edge = (over | (far > near + slack)) & (near - slack <= depth) & (depth <= merged)
     out = np.zeros(frame.depth.shape, dtype=np.bool_)
     out[chosen] = (found >= 0) | edge
     return out

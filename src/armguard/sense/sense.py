@@ -265,9 +265,10 @@ class Sense:
         if placed is None:
             raise BadFrameError(Intake.NO_POSITIONS)
         mount = mount_of(view.sensor, self._world, placed)
-        prediction = predict(view, mount, placed, self._world.kinds)
+        prediction = predict(view, mount, placed, self._world)
         repeated = station.tests.repeats(frame, taken)
-        station.tests.test(frame, mount, prediction, taken)
+        hits = self._hits(view, mount, placed, frame, prediction)
+        station.tests.test(frame, hits, mount, prediction, taken)
         station.align(frame, mount, placed, prediction, taken)
         claimed = taken - view.sensor.jitter
         trusted = health.trusted and not repeated
@@ -276,7 +277,6 @@ class Sense:
             trusted = trusted and claimed >= self._sent
         if trusted:
             self._missing.look(view, frame, prediction, taken)
-        hits = self._hits(view, mount, placed, frame, prediction)
         self._masks.pass_links(placed, taken)
         self._masks.set(view, mount, placed)
         T = np.eye(4)
