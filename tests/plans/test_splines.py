@@ -121,5 +121,7 @@ def test_top_speeds_bound_differences_of_samples():
     speeds = np.maximum(tube.top_speeds()[segment], 0.0)
     same = segment == tube.place(times[:-1])[0]
     assert (rates <= speeds + 1e-9)[same & (segment == tube.place(times[1:])[0])].all()
+    curves = BPoly(np.moveaxis(tube.control, 0, 1), tube.times).derivative()
+    np.testing.assert_allclose(tube.velocities(times), curves(times), atol=1e-9)
     line = Tube.straight(np.array([0.0, 2.0]), np.array([[0.0], [1.0]]))
     assert line.top_speeds()[0, 0] == 0.5

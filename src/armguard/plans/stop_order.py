@@ -3,9 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from armguard.prove.tube import Tube
 from armguard.robot.stopping.distance import stop_travel
 from armguard.scene.tables import RobotPart, SceneTables
+
+Floats = NDArray[np.float64]
+
+# Orders that are tried are this far from each other [s].
+STEP = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,25 +57,22 @@ def stop_order(
     ]
     if not moving:
         return None
-    speeds = tube.top_speeds()
-    segment = int(tube.place(tube.times[:1] * 0.0 + near)[0][0])
-    found = (0.0, 0.0)
-    for k in range(segment, -1, -1):
-        every = [stop_times(part, speeds[k], tables) for part in moving]
-        found = max(found, max(every, key=sum), key=sum)
-        order = min(near - sum(found), float(tube.times[k + 1]))
-        if order >= tube.times[k]:
-            break
-    names_of = tuple(part.name for part in moving)
-    in_time = order >= tube.times[0]
-    lead = near - order if in_time else near - float(tube.times[0])
-    return StopOrder(float(order) if in_time else None, float(lead), *found, names_of)
+    steps = max(int((near - tube.times[0]) / STEP), 1)
+    orders: Floats = near - STEP * np.arange(1.0, steps + 1.0)
+    velocities = np.abs(tube.velocities(orders))
+    robots = tuple(part.name for part in moving)
+    for order, speeds in zip(orders.tolist(), velocities, strict=True):
+        every = [stop_times(part, speeds, tables) for part in moving]
+        reaction, stop = max(every, key=sum)
+        if order + reaction + stop <= near:
+            return StopOrder(order, near - order, reaction, stop, robots)
+    return StopOrder(None, near - float(tube.times[0]), reaction, stop, robots)
 
 
 def stop_times(
-    part: RobotPart, speeds: Sequence[float], tables: SceneTables
+    part: RobotPart, speeds: Floats, tables: SceneTables
 ) -> tuple[float, float]:
-    """Reaction and stop of a robot's slowest joint, from bounds of all speeds [s]."""
+    """Reaction and stop of a robot's slowest joint, from the speeds of all [s]."""
     assert part.stopping is not None
     stops = [
         stop_travel(

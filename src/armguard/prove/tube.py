@@ -75,6 +75,12 @@ class Tube:
         basis = chosen * u**k * (1.0 - u) ** (self.degree - k)
         return np.asarray(np.einsum("sk,skn->sn", basis, self.control[segment]))
 
+    def velocities(self, times: Floats) -> Floats:
+        """Joint velocities on the curves at some times, (k, n) [rad/s or m/s]."""
+        steps = self.degree * np.diff(self.control, axis=1)
+        rates = steps / np.diff(self.times)[:, None, None]
+        return Tube(self.times, rates, self.wide).at(times)
+
     def top_speeds(self) -> Floats:
         """Bound of each joint's speed in each segment, shape (s, n) [rad/s or m/s]."""
         steps = np.abs(np.diff(self.control, axis=1)).max(axis=1)
