@@ -18,6 +18,9 @@ OF_VERDICT = (
 ).split()
 OF_COMMAND = "velocity position actions blocked held far_joints passed".split()
 
+# Fields of rows that only some scenes have; without a value they are not hashed.
+OPTIONAL = ("sensed",)
+
 # What a cycle is made of; each has a hash of its own in every cycle.
 GROUPS = ("verdict", "command", "sentence", "wire", "checkpoint")
 
@@ -42,7 +45,9 @@ def leaves(value: Any) -> Iterator[bytes]:
             yield from leaves(part)
     elif is_dataclass(value):
         for field in fields(value):
-            yield from leaves(getattr(value, field.name))
+            part = getattr(value, field.name)
+            if part is not None or field.name not in OPTIONAL:
+                yield from leaves(part)
     else:
         yield pack("<q", len(value))
         for part in value:
