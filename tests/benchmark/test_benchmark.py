@@ -12,6 +12,7 @@ from armguard.respond import Guard
 from armguard.scene import bay_scene, bay_task
 from bench import print_result, run
 from peers import available_peers, checked_pairs
+from speed import sensed
 from speed.cycle import near_of
 from speed.memory import drift
 from speed.robots import SHELF, shelf
@@ -104,3 +105,12 @@ def test_percentiles_are_in_microseconds():
 def test_an_unknown_benchmark_is_refused():
     with pytest.raises(UnknownNameError, match="did you mean 'cycle'"):
         run("cycel")
+
+
+def test_the_benchmark_of_cells_measures_what_it_says(monkeypatch):
+    case = {"around": sensed.CASES["around"]}
+    monkeypatch.setattr(sensed, "CASES", case)
+    answer = run("sensed", cycles=20)
+    assert answer["around"]["cells"] > 1e5
+    assert answer["around"]["at rest"] < 0.5
+    assert answer["without"]["median_us"] > 0.0
