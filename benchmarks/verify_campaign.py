@@ -12,7 +12,7 @@ import sys
 from collections import Counter
 from functools import partial
 from statistics import median
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -58,20 +58,20 @@ def timed_plan(home: Floats, swing: float, seed: int = 0) -> Tube:
 
 
 def rates() -> dict[str, Any]:
-    """Times of a proof, of all intervals and of the least distance [ms]."""
+    """Processor times of a proof, all intervals and the least distance [ms]."""
     scene = ag.bay_scene()
     paver, found = Paver(ag.Checker(scene)), {}
     for name, swing in SWINGS.items():
         tube, times = timed_plan(scene.home, swing), []
         with quiet():
             for _ in range(ROUNDS):
-                start = perf_counter()
+                start = process_time()
                 paving = paver.pave(tube, RESOLUTION)
-                proven = perf_counter()
+                proven = process_time()
                 intervals = paver.intervals(paving, tube, RESOLUTION)
-                listed = perf_counter()
+                listed = process_time()
                 paver.least(tube)
-                end = perf_counter()
+                end = process_time()
                 times.append((proven - start, listed - start, end - listed))
         proof, every, least = (1e3 * median(one) for one in zip(*times, strict=True))
         found[name] = {
@@ -84,7 +84,7 @@ def rates() -> dict[str, Any]:
 
 
 def again() -> float:
-    """Time to prove 1,000 plans of one arm again, after a table has moved [s]."""
+    """Processor time of 1,000 plans of one arm, after a table has moved [s]."""
     scene = ag.Scene(mode="fixed")
     scene.add_robot(ag.bay_scene().robots["left"].model, name="arm")
     table, low = ag.Box(size=(1.5, 1.5, 0.05)), (0.0, 0.0, -0.3)
@@ -100,10 +100,10 @@ def again() -> float:
         paver.pave(tube, RESOLUTION)
     checker.place("table", ag.Pose(xyz=(0.0, 0.0, -0.25)))
     with quiet():
-        start = perf_counter()
+        start = process_time()
         for tube in 10 * tubes:
             paver.intervals(paver.pave(tube, RESOLUTION), tube, RESOLUTION)
-        return perf_counter() - start
+        return process_time() - start
 
 
 def summed_up(kind: str, episodes: list[Episode]) -> Figures:

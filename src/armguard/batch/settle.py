@@ -90,6 +90,8 @@ def compare_parts(k: int, apart: Any, p: Plan, s: Scratch, w: Place) -> None:
     hull, body_a, body_b = p.parts[b, 3], p.bodies[ball], p.bodies[other]
     if hull != other:
         growth = growth_of(body_a, p.sways[a, 0], slot, p, w) + (apart + SLACK)
+        if moves:
+            growth = growth + growth_of(body_b, p.sways[b, 1], slot, p, w)
         low = gap_of(ball, hull, p, w) - (growth + buffer)
         if not some(low < load(w.best, 0)):
             return
