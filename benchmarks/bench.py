@@ -33,6 +33,7 @@ NAMES = (
     "gripping",
     "index",
     "memory",
+    "sensed",
     "distance",
     "scale",
 )

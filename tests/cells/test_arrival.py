@@ -1,9 +1,11 @@
 """Arrival times, before the straight line of an intruder."""
 
 import numpy as np
+import pytest
 
 import armguard as ag
 from armguard.cells.arrival import raise_arrivals
+from armguard.errors import CellMapError
 from cell_frames import feed
 
 SIDE, CELL = 64, 0.02
@@ -135,3 +137,49 @@ def test_a_depth_image_raises_the_arrivals_of_the_space_before_it():
     assert arrivals[known].min() == 5.0
     free = cells.known_free().reshape(BLOCKS, 8, BLOCKS, 8, BLOCKS, 8)
     np.testing.assert_array_equal(known, free.all(axis=(1, 3, 5)))
+
+
+def test_no_intruder_is_where_space_is_known_free_after_it_expired():
+    rng = np.random.default_rng(33)
+    speed, beside, freed = 1.6, 0, 0
+    for _ in range(6):
+        cells = ag.CellMap((0, 0, 0), CELL, SIDE, intruder_speed=speed)
+        view = ag.CellView((0, 0, 0), CELL, SIDE)
+        half, stamp = 0.5 * SIDE * CELL, 0.0
+        points = rng.uniform(-1.5 * half, 1.5 * half, (60_000, 3))
+        for _ in range(12):
+            step = rng.uniform(0.01, 0.1)
+            stamp += step
+            way = rng.normal(size=points.shape)
+            way *= speed * step / np.linalg.norm(way, axis=1, keepdims=True)
+            points = points + way
+            seen = blobs(rng)
+            place = np.floor((points + half) / EDGE).astype(int)
+            inside = ((place >= 0) & (place < BLOCKS)).all(axis=1)
+            # What is in a block that is seen free would have been seen.
+            met = np.zeros(len(points), dtype=bool)
+            met[inside] = seen[tuple(place[inside].T)]
+            points = points[~met]
+            see(cells, seen, stamp)
+            before = cells.known_free()
+            cells.expire(stamp)
+            free = cells.known_free()
+            assert not (free & ~before).any()
+            place = np.floor((points + half) / CELL).astype(int)
+            place = place[((place >= 0) & (place < SIDE)).all(axis=1)]
+            assert not free[tuple(place.T)].any()
+            beside += before[tuple(place.T)].sum()
+            freed += free.sum()
+            while len(changes := cells.take_deltas()):
+                view.apply(changes)
+            np.testing.assert_array_equal(view.known_free(), free)
+    # Without it some would be, and it does not forget everything.
+    assert beside > 10
+    assert freed > 1e5
+
+
+def test_only_a_map_with_an_intruder_forgets():
+    with pytest.raises(CellMapError, match="forgets nothing"):
+        ag.CellMap((0, 0, 0), CELL, SIDE).expire(0.0)
+    with pytest.raises(CellMapError, match="stamp is nan"):
+        ag.CellMap((0, 0, 0), CELL, SIDE, intruder_speed=1.0).expire(np.nan)

@@ -346,11 +346,10 @@ class CellMap(CellView):
     def expire(self, stamp: float) -> None:
         """Forget known free cells into which an intruder may have come by a time.
 
-        Then all claims hold at that time. A block of 8³ cells that no frame has wholly
-        seen free is forgotten too.
+        A block of 8³ cells that no frame has wholly seen free is forgotten too.
 
         Args:
-            stamp: The time [s].
+            stamp: The time, at which all claims hold then [s].
 
         Raises:
             CellMapError: The map has no intruder speed, or the stamp is not finite.

@@ -16,7 +16,12 @@ from armguard.guard.checkpoint_bounds import FLAG, MOST_COUNTED, Own, Rules, Who
 from armguard.guard.known import KnownFree, known_free
 from armguard.guard.sensed import KIND_OF, CellKind, Sensed, empty_sensed
 from armguard.guard.sensed_pairs import judge_sensed
-from armguard.guard.sensed_words import mark_inside, sort_words, take_claims
+from armguard.guard.sensed_words import (
+    mark_inside,
+    sort_some,
+    sort_words,
+    take_claims,
+)
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT
 from armguard.record import Records, dtype_of
@@ -152,7 +157,7 @@ class SensedSpace:
         if len(changed) == 0:
             return
         self._rows = now
-        claims = self.table.claims
+        claims, before = self.table.claims, self.table.claimed.copy()
         for i in changed.tolist():
             self._marks.pop(i, None)
             if present[i]:
@@ -165,13 +170,12 @@ class SensedSpace:
         self.table.claimed[:] = NONE
         for places, bits in self._marks.values():
             self.table.claimed[places] |= bits
-        sort_words(self.ledger.lines)
+        sort_some(np.flatnonzero(self.table.claimed != before), self.ledger.lines)
 
     def renew(self) -> None:
         """Sort all cells by kind, after the claims were restored."""
         if self.view is not None:
-            self._rows[:] = np.nan
-            self.claim()
+            sort_words(self.ledger.lines)
 
     def kept(self) -> dict[str, NDArray[Any]]:
         """Arrays for a checkpoint, by name; none without `sensing`."""

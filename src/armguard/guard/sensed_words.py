@@ -90,6 +90,20 @@ def sort_words(lines: LongVector) -> None:
     note_oldest(s)
 
 
+@kernel(inline=False, entry=True)
+def sort_some(words: LongVector, lines: LongVector) -> None:
+    """Sort some words by kind anew, after other cells are claimed.
+
+    Args:
+        words: Their numbers.
+        lines: Lines of `Sensed`.
+    """
+    s = sensed_of(lines)
+    for k in range(words.shape[0]):
+        sort_word(int(words[k]), s)
+    note_oldest(s)
+
+
 @kernel(inline=False)
 def sort_word(word: int, s: Sensed) -> None:
     """Sort the cells of a word by kind; those inside objects are of none."""

@@ -304,8 +304,8 @@ class Guard(Monitor):
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
-        said, ages = fault or refused, self._ages(time)
-        verdict = Verdict(data, self._names, time, elapsed, said, ages)
+        about = fault or refused, self._ages(time)
+        verdict = Verdict(data, self._names, time, elapsed, *about)
         return Command(numbers, self.tables.robots, verdict)
 
     def _filtered(
@@ -332,13 +332,8 @@ class Guard(Monitor):
         # Blocked reason of each robot; its phase stays 0, RESTING: it is not driven.
         numbers[4 * n : 4 * n + r] = Blocked.STOPPED
         numbers[4 * n + 2 * r : 4 * n + 3 * r] = np.nan
-        verdict = Verdict(
-            stop_answer(self._names, Reason.WRONG_INPUT),
-            self._names,
-            stamp,
-            0.0,
-            OTHER_THREAD,
-        )
+        stopped = stop_answer(self._names, Reason.WRONG_INPUT)
+        verdict = Verdict(stopped, self._names, stamp, 0.0, OTHER_THREAD)
         return Command(numbers, self.tables.robots, verdict)
 
     def solve_programs(self, programs: int) -> int:

@@ -25,6 +25,9 @@ SPEED, ERROR = 0.6, 0.12
 FRAME, LATE = 0.02, 0.2
 HALF = 0.08
 
+# The operator waits for so long after the first cells [s].
+SETTLED = 0.004
+
 # Boxes begin this near the middle of the region, which has 1.6 m to each side [m].
 SEEN = 1.3
 DELAY = 3
@@ -134,9 +137,11 @@ def contact(declared, seed):
             claimed = stamp + LATE - declared.late
             now = changes(found, grid(), claimed, np.float32(declared.error), motion=1)
             feed(guard, now, claimed)
-        wanted = 0.0 * q if stopped else towards(q, link, point, middle)
+        waits = stopped or t < LATE + SETTLED
+        wanted = 0.0 * q if waits else towards(q, link, point, middle)
         command = guard.filter(q, wanted, t, velocity=v)
-        # Nothing is proven of a robot that leaves; this operator lets go before.
+        # Nothing is proven of a robot that leaves: this operator lets go before, and
+        # does not begin where the arm would have to leave.
         stopped = stopped or (t > LATE and command.action >= Action.STOP)
         queue.append(command.velocity)
         v = queue.popleft()

@@ -276,6 +276,12 @@ def test_objects_claim_the_cells_inside_them_and_give_them_back():
     guard.place("block", Pose(xyz=(where + np.array([0.0, 0.0, 0.4])).tolist()))
     assert nearest(guard, 0.4).headroom == both.headroom
     guard.place("block", Pose(xyz=where.tolist()))
+    other = Guard(scene, self_test=False)
+    other.restore(guard.checkpoint())
+    for name in ("claimed", "still"):
+        own, its = (getattr(g._sensed.table, name) for g in (guard, other))
+        ours, theirs = (one if name == "claimed" else one.words for one in (own, its))
+        np.testing.assert_array_equal(ours, theirs)
     guard.remove("block")
     assert nearest(guard, 0.5).headroom == both.headroom
 
