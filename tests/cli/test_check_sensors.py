@@ -7,7 +7,7 @@ import pytest
 
 from armguard.cli.sensors import allowed_speed, sensor_findings
 from armguard.scene.sensing import IntruderSettings
-from sense_rig import bay
+from armguard.simulation.sensed import sensed_bay
 
 FAST = IntruderSettings(speed=1.6, size=0.05)
 
@@ -35,7 +35,7 @@ def test_a_time_of_flight_skin_alone_is_slow_where_people_may_come():
 
 
 def test_findings_name_rate_cost_and_speed_of_each_sensor():
-    first, *others = sensor_findings(bay(unknown="moving"))
+    first, *others = sensor_findings(sensed_bay(unknown="moving"))
     assert "9 sensors, 512 zones, 150 frames/s take" in first.sentence
     share = float(first.sentence.split("take ")[1].split("%")[0])
     assert 0 < share < 300
@@ -45,10 +45,10 @@ def test_findings_name_rate_cost_and_speed_of_each_sensor():
     assert "0.26 m/s if what it sees moves at 1.6 m/s" in skin.sentence
     assert "1.94 m/s if what it sees moves at 1.6 m/s" in camera.sentence
     assert [one.status for one in (skin, camera)] == ["PASS", "PASS"]
-    slow = bay(unknown="moving")
+    slow = sensed_bay(unknown="moving")
     slow.sensing = replace(slow.sensing, intruder=replace(FAST, size=0.02))
     assert list(sensor_findings(slow))[1].status == "WARN"
-    scene = bay()
+    scene = sensed_bay()
     scene.sensing = None
     assert list(sensor_findings(scene)) == []
     assert np.isfinite(share)

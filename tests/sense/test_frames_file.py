@@ -11,12 +11,12 @@ import armguard as ag
 from armguard.cli.app import app
 from armguard.errors import RecordingError
 from armguard.sense.frames_file import DEPTH, JOINTS, ZONES, read_events, write_event
+from armguard.simulation.sensed import drive, sensed_bay, swing
 from armguard.simulation.sensors import Rig
-from sense_rig import bay, drive, swing
 
 
 def test_a_file_fills_the_same_map_to_the_bit(tmp_path):
-    path, scene = tmp_path / "frames.bin", bay()
+    path, scene = tmp_path / "frames.bin", sensed_bay()
     rig = Rig(scene, boxes=[(0.2, 0.2, 0.2)])
     rig.invalid = 0.2
     rig.place(0, ag.Pose(xyz=(-0.5, 0, 1.2)))
@@ -25,7 +25,7 @@ def test_a_file_fills_the_same_map_to_the_bit(tmp_path):
         drive(first, rig, scene, swing(scene), 1.0)
         first.zones("left_ring/0", "text", [1], 0.99)
         first.depth("top", np.zeros((2, 2)), "text")
-    again = ag.Sense(bay())
+    again = ag.Sense(sensed_bay())
     assert again.play(path) > 250
     assert again.cells.checkpoint() == first.cells.checkpoint()
     assert first.cells.occupied().any()

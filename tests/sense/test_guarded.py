@@ -4,12 +4,12 @@ import numpy as np
 
 import armguard as ag
 from armguard.scene.sensing import SENSED
+from armguard.simulation.sensed import drive, sensed_bay
 from armguard.simulation.sensors import Rig
-from sense_rig import bay, drive
 
 
 def test_a_box_that_a_camera_sees_is_in_the_next_verdict():
-    scene = bay(zones=False, unknown="free", reason="a closed cell")
+    scene = sensed_bay(zones=False, unknown="free", reason="a closed cell")
     scene.set_margin(0.25)
     guard = ag.Guard(scene, self_test=False)
     sense, rig = ag.Sense(scene, guard), Rig(scene, boxes=[(0.1, 0.1, 0.1)])

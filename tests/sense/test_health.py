@@ -5,8 +5,8 @@ import pytest
 
 import armguard as ag
 from armguard.sense import Fault
+from armguard.simulation.sensed import drive, sensed_bay, swing
 from armguard.simulation.sensors import Rig, mounted
-from sense_rig import bay, drive, swing
 
 NAME = "left_ring/1"
 
@@ -16,7 +16,7 @@ BEGIN = 1.0
 
 def watched(tamper=None, seconds=1.0, change=None, without=(), zones=True, speed=1.5):
     """Faults that are found before a fault begins, and after it with their times."""
-    scene = bay(zones=zones, camera=not zones or without != ())
+    scene = sensed_bay(zones=zones, camera=not zones or without != ())
     sense, rig = ag.Sense(scene), Rig(scene, without=without)
     rig.invalid = 0.1
     found = {}
@@ -150,7 +150,7 @@ def test_no_fault_is_found_in_order():
 
 
 def test_hits_of_a_sensor_at_fault_count_and_it_frees_nothing():
-    scene = bay(camera=False)
+    scene = sensed_bay(camera=False)
     sense, rig = ag.Sense(scene), Rig(scene)
     reading = rig.read(NAME, scene.home)
     near = np.full((8, 8), 0.2)
@@ -168,7 +168,7 @@ def test_hits_of_a_sensor_at_fault_count_and_it_frees_nothing():
 
 
 def test_noise_in_place_of_frames_is_counted_and_raises_nothing():
-    scene = bay()
+    scene = sensed_bay()
     sense, rng = ag.Sense(scene), np.random.default_rng(8)
     sense.joints(scene.home, 0.0)
     sense.joints(scene.home, 0.5)

@@ -7,17 +7,8 @@ import armguard as ag
 from armguard.cells.grid import unpacked
 from armguard.errors import SceneError
 from armguard.sense.prediction import mount_of
-from armguard.simulation.sensors import Rig, mounted
-from sense_rig import bay, drive, swing
-
-
-def off_mounts(scene, rig, way, seed=1):
-    """Mount all sensors elsewhere than declared, each by `way` [m]."""
-    rng = np.random.default_rng(seed)
-    for name, sensor in scene.sensors.items():
-        aside = rng.normal(size=3)
-        aside *= way / np.linalg.norm(aside)
-        rig.truth[name] = mounted(sensor.pose, {"xyz": aside})
+from armguard.simulation.sensed import drive, off_mounts, sensed_bay, swing
+from armguard.simulation.sensors import Rig
 
 
 def mapped(scene, seconds, way, late, speed=1.5):
@@ -39,14 +30,14 @@ def mapped(scene, seconds, way, late, speed=1.5):
 
 @pytest.mark.parametrize(("way", "late"), [(0.0, 0.0), (0.01, 0.005)])
 def test_own_links_and_modelled_objects_are_not_mapped(way, late):
-    found, frames, free = mapped(bay(error=0.01, jitter=0.005), 8.0, way, late)
+    found, frames, free = mapped(sensed_bay(error=0.01, jitter=0.005), 8.0, way, late)
     assert frames > 1100
     assert found == []
     assert free.sum() > 20_000
 
 
 def test_a_sensor_further_off_than_declared_maps_them():
-    found, _, _ = mapped(bay(error=0.01, jitter=0.005), 2.0, 0.15, 0.0)
+    found, _, _ = mapped(sensed_bay(error=0.01, jitter=0.005), 2.0, 0.15, 0.0)
     assert found
 
 
@@ -68,7 +59,7 @@ def test_a_box_of_5_cm_is_mapped_by_its_first_frame_and_cleared_in_a_second(
     name, depth
 ):
     camera = name == "top"
-    scene = bay(zones=not camera, camera=camera)
+    scene = sensed_bay(zones=not camera, camera=camera)
     sense, rig = ag.Sense(scene), Rig(scene, boxes=[(0.05, 0.05, 0.05)])
     rig.invalid = 0.1
 
@@ -98,7 +89,7 @@ def test_a_box_of_5_cm_is_mapped_by_its_first_frame_and_cleared_in_a_second(
 
 
 def test_a_frame_is_taken_where_its_sensor_was_at_its_stamp():
-    scene = bay(zones=False)
+    scene = sensed_bay(zones=False)
     (eye,) = scene.add_sensor(
         "eye", kind="depth", size=(40, 30), focal=30, range=(0.05, 2.0), delay=0.1,
         on="left/link7", pose=ag.Pose(xyz=(0, 0, 0.3)), jitter=0.0,
@@ -122,7 +113,7 @@ def test_a_frame_is_taken_where_its_sensor_was_at_its_stamp():
 
 
 def test_deltas_make_a_view_equal_to_the_map():
-    scene = bay()
+    scene = sensed_bay()
     sense, rig = ag.Sense(scene), Rig(scene, boxes=[(0.2, 0.2, 0.2)])
     rig.place(0, ag.Pose(xyz=(-0.5, 0, 1.2)))
     view = ag.CellView(sense.cells.centre, sense.cells.cell, sense.cells.size)
@@ -143,7 +134,7 @@ def test_deltas_make_a_view_equal_to_the_map():
     ],
 )
 def test_a_scene_without_sensors_or_space_is_refused(change, says):
-    scene = bay()
+    scene = sensed_bay()
     change(scene)
     with pytest.raises(SceneError, match=says):
         ag.Sense(scene)

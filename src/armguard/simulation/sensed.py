@@ -1,0 +1,136 @@
+"""A bay with simulated sensors, a motion of its arms, and the frames of that motion."""
+
+import heapq
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.geometry.pose import Pose
+from armguard.geometry.shapes import Box
+from armguard.scene.bay import bay_scene
+from armguard.scene.scene import Scene
+from armguard.scene.sensing import Unknown
+from armguard.sense import Sense
+from armguard.simulation.sensors import Rig
+
+Floats = NDArray[np.float64]
+Motion = Callable[[float], Floats]
+
+# Distances, status and stamp of a frame; None if it is lost.
+Sent = tuple[Any, Any, Any] | None
+Tamper = Callable[[str, float, Floats, NDArray[np.int64], float], Sent]
+
+# Time between joint positions, and from a stamp until the frame is there [s].
+STEP, TRANSPORT = 0.004, 0.01
+
+
+def sensed_bay(
+    zones: bool = True, camera: bool = True, unknown: Unknown = "still",
+    reason: str | None = None, **settings: Any,
+) -> Scene:  # fmt: skip
+    """The bay with a ring of four zone sensors on each arm, and a camera above.
+
+    Args:
+        zones: Whether it has the rings.
+        camera: Whether it has the camera.
+        unknown: See `SensingSettings`.
+        reason: See `SensingSettings`.
+        settings: Settings of all sensors, see `SensorSettings`.
+    """
+    scene = bay_scene("path")
+    scene.set_sensing(
+        region={"centre": (-0.4, 0, 1.1), "size": 128}, cell=0.025, unknown=unknown,
+        reason=reason, intruder={"speed": 1.6, "size": 0.05},
+    )  # fmt: skip
+    scene.add(Box(size=(4, 4, 0.2)), "floor", pose=Pose(xyz=(0, 0, -0.1)))
+    for robot in ("left", "right") if zones else ():
+        scene.add_sensor(
+            robot + "_ring", kind="vl53l8cx", on=f"{robot}/link5", **settings,
+            ring={"count": 4, "radius": 0.12, "height": 0.06},
+        )  # fmt: skip
+    if camera:
+        scene.add_sensor(
+            "top", kind="depth", size=(160, 120), focal=130, range=(0.3, 3.0),
+            pose=Pose(xyz=(-0.2, 0, 2.3), rpy=(np.pi, 0, 0)), **settings,
+        )  # fmt: skip
+    return scene
+
+
+def swing(scene: Scene, speed: float = 1.0) -> Motion:
+    """A motion of all joints near home, as a function of time.
+
+    Args:
+        scene: The scene.
+        speed: Its angular frequency [rad/s].
+    """
+    home = scene.home
+    phase = np.linspace(0.0, 5.0, len(home))
+    start = np.sin(phase)
+    return lambda t: home + 0.35 * (np.sin(speed * t + phase) - start)
+
+
+def drive(
+    sense: Sense, rig: Rig, scene: Scene, motion: Motion, seconds: float, *,
+    start: float = 0.0, late: float = 0.0, tamper: Tamper | None = None,
+    each: Callable[[float, str], None] | None = None,
+) -> None:  # fmt: skip
+    """Let the sensors of a scene see a motion, each at its own times.
+
+    Args:
+        sense: Takes joint positions and frames.
+        rig: The simulated sensors.
+        scene: The scene.
+        motion: Joint positions by time [rad or m].
+        seconds: How long [s].
+        start: Time of the first joint positions; a frame that was sent before is not
+            sent again [s].
+        late: How far stamps may be off, beside the declared delay [s].
+        tamper: Changes frames before they are sent: by the name of the sensor, the time
+            of the measurement, distances, status and stamp.
+        each: Called after each frame with the time and the name of its sensor.
+    """
+    rng, queue = np.random.default_rng(7), list[tuple[float, str]]()
+    for k, (name, sensor) in enumerate(scene.sensors.items()):
+        phase = sensor.period * (0.3 + 0.61 * k % 1.0)
+        count = np.ceil(max(start - 0.06 - phase, 0.0) / sensor.period)
+        heapq.heappush(queue, (phase + count * sensor.period, name))
+    for k in range(round(seconds / STEP)):
+        t = start + (k + 1) * STEP
+        sense.joints(motion(t), t)
+        while queue and queue[0][0] + scene.sensors[queue[0][1]].delay + TRANSPORT <= t:
+            measured, name = heapq.heappop(queue)
+            sensor = scene.sensors[name]
+            heapq.heappush(queue, (measured + sensor.period, name))
+            reading = rig.read(name, motion(measured))
+            stamp = measured + sensor.delay + late * rng.uniform(-1.0, 1.0)
+            sent: Sent = (reading.distance, reading.status, stamp)
+            if tamper is not None:
+                sent = tamper(name, measured, *reading, stamp)
+            if sent is None or stamp <= sense.health[name].stamp:
+                continue
+            distance, status, stamp = sent
+            if sensor.image:
+                sense.depth(name, distance, stamp)
+            else:
+                sense.zones(name, distance, status, stamp)
+            if each is not None:
+                each(t, name)
+
+
+def off_mounts(scene: Scene, rig: Rig, way: float, seed: int = 1) -> None:
+    """Mount all sensors elsewhere than declared.
+
+    Args:
+        scene: The scene.
+        rig: The simulated sensors.
+        way: How far, each in some direction [m].
+        seed: Seed of the directions.
+    """
+    rng = np.random.default_rng(seed)
+    for name, sensor in scene.sensors.items():
+        aside = rng.normal(size=3)
+        T = sensor.pose.matrix()
+        T[:3, 3] += T[:3, :3] @ (way * aside / np.linalg.norm(aside))
+        rig.truth[name] = T
