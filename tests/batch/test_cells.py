@@ -34,7 +34,7 @@ def digits(number, side, count):
 
 
 def test_gaps_of_links_are_not_below_those_of_their_cells(checker):
-    plan, rng = checker._world, np.random.default_rng(21)
+    plan, rng = checker.world, np.random.default_rng(21)
     tight = []
     for k, (first, count, *joints) in enumerate(plan.ways.tolist()):
         side = COARSE if count == 3 else FINE
@@ -61,7 +61,7 @@ def test_gaps_of_links_are_not_below_those_of_their_cells(checker):
 
 
 def test_a_cell_at_the_edge_of_the_joints_has_no_bound(checker):
-    plan = checker._world
+    plan = checker.world
     for first, count, *_ in plan.ways.tolist():
         side = COARSE if count == 3 else FINE
         codes = plan.gaps[first : first + side**count].reshape((side,) * count)
@@ -80,7 +80,7 @@ def test_room_around_points_is_not_below_that_of_their_cells():
         scene.add(ag.Sphere(radius=radius), name=f"ball{k}", pose=ag.Pose(xyz=place))
     checker = ag.Checker(scene)
     checker.clear(rng.uniform(checker.lower, checker.upper, (100, 14)))
-    plan = checker._world
+    plan = checker.world
     places, bounds = known(plan.room)
     assert len(places) > 100
     numbers = np.array([digits(place, COARSE, 3) for place in places])
@@ -100,12 +100,12 @@ def test_an_object_that_is_placed_empties_the_room():
     scene.add(ag.Sphere(radius=0.05), name="probe", pose=ag.Pose(xyz=(5.0, 0.0, 0.0)))
     checker = ag.Checker(scene)
     checker.clear(random_rows(scene, 20, seed=24))
-    assert (checker._world.room != UNKNOWN).any()
+    assert (checker.world.room != UNKNOWN).any()
     checker.place("probe", ag.Pose(xyz=(0.0, 0.0, 0.5)))
-    assert np.all(checker._world.room == UNKNOWN)
+    assert np.all(checker.world.room == UNKNOWN)
     checker.clear(random_rows(scene, 20, seed=24))
     checker.remove("probe")
-    assert np.all(checker._world.room == UNKNOWN)
+    assert np.all(checker.world.room == UNKNOWN)
 
 
 def test_only_rows_far_from_each_other_are_sorted():

@@ -36,6 +36,7 @@ class PlanVerifier:
         SceneError: The scene contradicts itself.
 
     Example:
+        >>> import numpy as np
         >>> import armguard as ag
         >>> scene = ag.bay_scene()
         >>> verifier = ag.PlanVerifier(scene)
@@ -169,6 +170,7 @@ def verify(
         SceneError: The scene contradicts itself.
 
     Example:
+        >>> import numpy as np
         >>> import armguard as ag
         >>> scene = ag.bay_scene()
         >>> rows = np.array([scene.home, scene.home + 0.01])

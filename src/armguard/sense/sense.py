@@ -82,7 +82,7 @@ class Sense:
         ...     pose=ag.Pose(xyz=(-0.2, 0, 2.3), rpy=(np.pi, 0, 0)),
         ... )
         >>> sense = ag.Sense(scene)
-        >>> sense.joints(scene.home, 0.0).name, sense.joints(scene.home, 0.01).name
+        >>> sense.joints(scene.home, 0.0).name, sense.joints(scene.home, 0.05).name
         ('TAKEN', 'TAKEN')
         >>> sense.depth("top", np.full((48, 64), 2.25), 0.05).name
         'TAKEN'
