@@ -20,7 +20,7 @@ import armguard as ag
 from armguard.sense.history import JointHistory
 from armguard.sense.prediction import mount_of
 from armguard.sense.ranging import nearest
-from armguard.sense.world import World
+from armguard.sense.world import Placed, World
 from armguard.simulation.sensed import drive, off_mounts, sensed_bay, swing
 from armguard.simulation.sensors import Rig
 from pages import DOCS
@@ -57,14 +57,20 @@ def motion(minutes: float, way: float, late: float) -> dict[str, Any]:
     return {"minutes": minutes, "way": way, "late": late, **counts}
 
 
-def place_before(scene: ag.Scene, name: str, rng: np.random.Generator) -> Floats:
-    """A place in the inner half of the view of a sensor at home, within its reach."""
+def at_home(scene: ag.Scene) -> tuple[World, Placed]:
+    """The scene with its robots at rest at home."""
     world = World(scene)
     history = JointHistory(*world.joint_figures())
     for stamp in (0.0, 0.1):
         history.add(scene.home, stamp)
     placed = world.at(history, 0.05, 0.0)
     assert placed is not None
+    return world, placed
+
+
+def place_before(scene: ag.Scene, name: str, rng: np.random.Generator) -> Floats:
+    """A place in the inner half of the view of a sensor at home, within its reach."""
+    world, placed = at_home(scene)
     sensor = scene.sensors[name]
     mount = mount_of(sensor, world, placed)
     low, high = (0.8, 1.2) if sensor.image else (0.18, 0.32)
@@ -116,12 +122,7 @@ def box(name: str, seed: int) -> dict[str, Any] | None:
 def touches(scene: ag.Scene, where: Floats) -> bool:
     """Whether a box at a place would be nearer than 80 mm to a link or an object."""
     scene.add(ag.Sphere(radius=EDGE), "ball", pose=ag.Pose(xyz=where.tolist()))
-    world = World(scene)
-    history = JointHistory(*world.joint_figures())
-    for stamp in (0.0, 0.1):
-        history.add(scene.home, stamp)
-    placed = world.at(history, 0.05, 0.0)
-    assert placed is not None
+    world, placed = at_home(scene)
     others = world.object_names != "ball"
     out = np.zeros((1, 4))
     nearest(

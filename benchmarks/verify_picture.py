@@ -56,8 +56,12 @@ def main() -> None:
                 for o in intervals_of(case, case.tube)
                 if {o.nearest.a, o.nearest.b} == set(pair)
             ]
-            for one in own:
-                axes.axvspan(one.start, one.end, color="tab:orange", alpha=0.4)
+            for k, one in enumerate(own):
+                # One entry of the legend for all of them.
+                label = "_" * (k > 0) + "may be too near"
+                axes.axvspan(
+                    one.start, one.end, color="tab:orange", alpha=0.4, label=label
+                )
             middle = 0.5 * (first.start + first.end)
             wide = 4.0 * (first.end - first.start)
             shown = np.abs(times - middle) < wide
