@@ -6,7 +6,7 @@ from armguard.cells.evidence import settle
 from armguard.cells.grid import packed, unpacked
 
 
-def feed(cells, hits, passes, stamp=0.0, error=0.0, sure=None):
+def feed(cells, hits, passes, stamp=0.0, error=0.0, sure=None, source=0):
     """Let a map take a frame of given cells, grids by x, y, z."""
     look = cells._look
     look.hits[:], look.passes[:] = packed(hits), packed(passes)
@@ -15,7 +15,7 @@ def feed(cells, hits, passes, stamp=0.0, error=0.0, sure=None):
     look.touched[: len(touched)] = touched
     look.notes["touched"] = len(touched)
     settle(
-        stamp, error, cells.settles,
+        stamp, error, cells.settles, source,
         cells._frame.lines, cells._evidence.lines, cells._claims.lines,
     )  # fmt: skip
 

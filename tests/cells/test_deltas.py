@@ -20,10 +20,19 @@ def frame(rng, cells, stamp):
 
 
 def assert_same(view, cells):
-    for mine, theirs in zip(
-        arrays_of(view.claims), arrays_of(cells.claims), strict=True
-    ):
-        assert mine.tobytes() == theirs.tobytes()
+    """Cells equal to the bit; stamps and errors where a reader needs them."""
+    mine, theirs = view.claims, cells.claims
+    for one in ("occupied", "unknown"):
+        pairs = zip(
+            arrays_of(getattr(mine, one)), arrays_of(getattr(theirs, one)), strict=True
+        )
+        assert all(a.tobytes() == b.tobytes() for a, b in pairs)
+    assert mine.motion.tobytes() == theirs.motion.tobytes()
+    taken = theirs.occupied.words != 0
+    assert 0 < taken.sum() < len(taken)
+    assert mine.stamp[taken].tobytes() == theirs.stamp[taken].tobytes()
+    taken |= theirs.unknown.words != 0
+    assert mine.error[taken].tobytes() == theirs.error[taken].tobytes()
 
 
 def test_applied_deltas_are_the_map_bit_for_bit():
@@ -66,6 +75,19 @@ def test_new_occupied_cells_go_first():
     later = cells.take_deltas(10**6)
     assert not later["bits"][:, 0].any()
     assert len(first) + len(later) == 4096
+
+
+def test_free_space_that_is_seen_again_is_not_sent_again():
+    cells = ag.CellMap((0, 0, 0), 0.02, SIDE)
+    nothing = np.zeros((SIDE,) * 3, dtype=bool)
+    hits = nothing.copy()
+    hits[40:44, 20:24, 8:12] = True
+    for k in range(3):
+        feed(cells, hits, ~hits, 0.1 * k, 0.001 * k)
+        deltas = cells.take_deltas(10**6)
+        assert len(deltas) == (4096 if k == 0 else 1)
+    assert deltas["stamp"][0] == 0.2
+    assert deltas["error"][0] >= 0.002
 
 
 def test_deltas_of_another_kind_or_map_are_refused():

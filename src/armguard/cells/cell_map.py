@@ -12,7 +12,7 @@ from armguard.cells.arrival import expire_words, raise_arrivals
 from armguard.cells.carve import carve
 from armguard.cells.clearing import pass_occupied
 from armguard.cells.deltas import Delta, take_deltas
-from armguard.cells.evidence import settle
+from armguard.cells.evidence import forget, settle
 from armguard.cells.given import check_frame, checked_pose, depths_of, pair_of
 from armguard.cells.grid import packed
 from armguard.cells.hits import hit_pixels
@@ -20,7 +20,14 @@ from armguard.cells.masks import clear_masks, mask_shape
 from armguard.cells.octomap import add_boxes, read_leaves
 from armguard.cells.pyramid import Pyramid, empty_pyramid, fill_pyramid
 from armguard.cells.rays import cast_rays
-from armguard.cells.state import ARRIVAL_SIDE, Words, empty_evidence, empty_look
+from armguard.cells.state import (
+    ARRIVAL_SIDE,
+    NO_SENSOR,
+    SEVERAL,
+    Words,
+    empty_evidence,
+    empty_look,
+)
 from armguard.cells.view import CellView, arrays_of
 from armguard.errors import CellMapError
 from armguard.geometry.pose import Pose
@@ -97,6 +104,7 @@ class CellMap(CellView):
         focal: float | tuple[float, float], centre: tuple[float, float], stamp: float,
         *, reach: float = inf, error: float = 0.0, single: bool = False,
         freeing: ArrayLike | None = None, clearing: ArrayLike | None = None,
+        source: int = NO_SENSOR,
     ) -> None:  # fmt: skip
         """Take a depth image of a pinhole camera.
 
@@ -119,6 +127,7 @@ class CellMap(CellView):
                 hit: of the same view, with any count of rows and columns.
             clearing: Depths by which occupied cells are passed whose middle is seen,
                 also where the view of them is not whole: an image of the same shape.
+            source: Number of the camera, 1 to 254, for `forget`.
 
         Raises:
             PoseError: The transform is not rigid.
@@ -150,7 +159,7 @@ class CellMap(CellView):
         hit_pixels(single, pyramid.lines, self._frame.lines)
         if clearing is not None:
             pass_occupied(depths_of(clearing), self.claims, self._look)
-        self._settle(stamp, error)
+        self._settle(stamp, error, source)
 
     def zones(
         self, distance: ArrayLike, T_world_sensor: Pose | ArrayLike,
@@ -359,6 +368,22 @@ class CellMap(CellView):
         check_frame(stamp, inf, 0.0)
         expire_words(float(stamp), self._evidence.lines, self._claims.lines)
 
+    def forget(self, source: int) -> None:
+        """Make the space unknown again that a camera has freed and no other since.
+
+        So does space of which it has freed a part and another camera the rest, until
+        one looks at all of it.
+
+        Args:
+            source: Number that was given to `depth`, 1 to 254.
+
+        Raises:
+            CellMapError: It is no such number.
+        """
+        if not NO_SENSOR < source < SEVERAL:
+            raise CellMapError(f"source is {source}; it must be 1 to {SEVERAL - 1}")
+        forget(int(source), self._evidence.lines, self._claims.lines)
+
     def _arrays(self) -> Iterator[NDArray[Any]]:
         """Arrays of the state; the first one is the lattice."""
         yield from super()._arrays()
@@ -373,12 +398,12 @@ class CellMap(CellView):
             self._images[shape] = pyramid, Ledger(pyramid)
         return self._images[shape][1]
 
-    def _settle(self, stamp: float, error: float) -> None:
+    def _settle(self, stamp: float, error: float, source: int = NO_SENSOR) -> None:
         """Turn a frame into claims."""
         # Rounded up: a claim must not be better than its pose.
         above = np.nextafter(np.float32(error), np.float32(inf))
         settle(
-            float(stamp), float(above if error > 0.0 else 0.0), self.settles,
+            float(stamp), float(above if error > 0.0 else 0.0), self.settles, source,
             self._frame.lines, self._evidence.lines, self._claims.lines,
         )  # fmt: skip
         if self.intruder_speed is not None:

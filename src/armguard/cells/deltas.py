@@ -19,12 +19,16 @@ CHANGED = 4
 class Delta:
     """Claims about a word.
 
+    It is sent when its cells or their motion change, when the stamp of occupied cells
+    does, and when the error of a word that is not wholly free does.
+
     Attributes:
         bits: Its occupied cells, and its unknown ones.
         stamp: See `Claims` [s].
         error: See `Claims` [m].
         word: Number of the word.
         motion: `Motion` of its occupied cells.
+        source: See `Claims`.
     """
 
     bits: Annotated[NDArray[np.uint64], (2,)]
@@ -32,6 +36,7 @@ class Delta:
     error: float
     word: Short
     motion: Short
+    source: Short
 
 
 claims_of, evidence_of = opener(Claims), opener(Evidence)
@@ -99,6 +104,7 @@ def take_deltas(
                 delta.bits[1] = claims.unknown.words[word]
                 delta.stamp, delta.error = claims.stamp[word], claims.error[word]
                 delta.motion = claims.motion[word]
+                delta.source = claims.source[word]
                 taken += 1
     return taken
 
@@ -113,4 +119,4 @@ def apply_deltas(deltas: Records[Delta], claims_lines: LongVector) -> None:
         put_word(word, delta.bits[0], claims.occupied)
         put_word(word, delta.bits[1], claims.unknown)
         claims.stamp[word], claims.error[word] = delta.stamp, delta.error
-        claims.motion[word] = delta.motion
+        claims.motion[word], claims.source[word] = delta.motion, delta.source

@@ -5,7 +5,9 @@ import numpy as np
 from armguard.cells.deltas import push
 from armguard.cells.state import (
     ALL,
+    NO_SENSOR,
     NONE,
+    SEVERAL,
     Claims,
     Evidence,
     Look,
@@ -45,8 +47,16 @@ def count(word: int, hit: np.uint64, passed: np.uint64, out: Evidence) -> None:
 
 
 @kernel
+def common_source(one: int, other: int) -> int:
+    """Source of claims that are of two sources."""
+    if one == other or other == NO_SENSOR:
+        return one
+    return other if one == NO_SENSOR else SEVERAL
+
+
+@kernel
 def settle_word(
-    word: int, stamp: float, error: float, settles: float,
+    word: int, stamp: float, error: float, settles: float, source: int,
     look: Look, evidence: Evidence, out: Claims,
 ) -> np.uint64:  # fmt: skip
     """Turn the hits and passes of a word into claims; see `settle`.
@@ -75,29 +85,32 @@ def settle_word(
     elif occupied == 0 or (hit != 0 and stamp - evidence.appeared[word] >= settles):
         motion = STILL
     if looked & ~unknown == ~unknown:
-        at, farthest = stamp, np.float32(error)
+        at, farthest, origin = stamp, np.float32(error), source
     else:
         # Some claims are older than this frame, or of a worse pose.
         at = min(out.stamp[word], stamp)
         farthest = max(out.error[word], np.float32(error))
-    if (
-        occupied != occupied_before or unknown != unknown_before
-        or motion != out.motion[word]
-        or at != out.stamp[word] or farthest != out.error[word]
-    ):  # fmt: skip
-        if occupied != occupied_before:
-            put_word(word, occupied, out.occupied)
-        if unknown != unknown_before:
-            put_word(word, unknown, out.unknown)
-        out.motion[word] = motion
-        out.stamp[word], out.error[word] = at, farthest
+        origin = common_source(int(out.source[word]), source)
+    # Of a word without occupied cells the time of the look matters to no reader, and of
+    # one that is wholly free its error neither: most words of most frames.
+    changed = occupied != occupied_before or unknown != unknown_before
+    changed |= motion != out.motion[word]
+    changed |= occupied != 0 and at != out.stamp[word]
+    changed |= occupied | unknown != 0 and farthest != out.error[word]
+    if occupied != occupied_before:
+        put_word(word, occupied, out.occupied)
+    if unknown != unknown_before:
+        put_word(word, unknown, out.unknown)
+    out.motion[word], out.source[word] = motion, origin
+    out.stamp[word], out.error[word] = at, farthest
+    if changed:
         push(word, new != 0, evidence)
     return passed
 
 
 @kernel(inline=False, entry=True)
 def settle(
-    stamp: float, error: float, settles: float,
+    stamp: float, error: float, settles: float, source: int,
     look_lines: LongVector, evidence_lines: LongVector, claims_lines: LongVector,
 ) -> None:  # fmt: skip
     """Turn the hits and passes of a frame into claims, and empty the frame.
@@ -109,6 +122,7 @@ def settle(
         stamp: Time of the frame [s].
         error: Error of the pose of its sensor [m].
         settles: Time after which a cell that appeared is still [s].
+        source: Number of the sensor, or `NO_SENSOR`.
         look_lines: Lines of `Look`; afterwards it has no hits and no passes.
         evidence_lines: Lines of `Evidence`.
         claims_lines: Lines of `Claims`.
@@ -125,8 +139,28 @@ def settle(
     edge = claims.lattice.side // 8
     for k in range(look.notes.touched):
         word = look.touched[k]
-        passed = settle_word(word, stamp, error, settles, look, evidence, claims)
+        passed = settle_word(
+            word, stamp, error, settles, source, look, evidence, claims
+        )
         if passed == ALL and look.seen.shape[0] > 0:
             x, y, z = place_of_word(word, blocks)
             look.seen[((z >> 1) * edge + (y >> 1)) * edge + (x >> 1)] += 1
     look.notes.touched = 0
+
+
+@kernel(inline=False, entry=True)
+def forget(source: int, evidence_lines: LongVector, claims_lines: LongVector) -> None:
+    """Make the free cells unknown that a sensor has freed, alone or with others.
+
+    Args:
+        source: Number of the sensor.
+        evidence_lines: Lines of `Evidence`; words that change wait to be sent.
+        claims_lines: Lines of `Claims`.
+    """
+    evidence, claims = evidence_of(evidence_lines), claims_of(claims_lines)
+    for word in range(claims.stamp.shape[0]):
+        if claims.source[word] == source or claims.source[word] == SEVERAL:
+            unknown = ~claims.occupied.words[word]
+            if claims.unknown.words[word] != unknown:
+                put_word(word, unknown, claims.unknown)
+                push(word, False, evidence)

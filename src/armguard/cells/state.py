@@ -33,6 +33,9 @@ MEMBERS = 64
 # Cells along an edge of a block of arrival times.
 ARRIVAL_SIDE = 8
 
+# Sources of claims that are no sensor's alone; sensors are numbered from 1 on.
+NO_SENSOR, SEVERAL = 0, 255
+
 # Lengths of the edge of a map [cells].
 SIZES = (64, 128, 256, 512)
 
@@ -118,6 +121,8 @@ class Claims(NamedTuple):
         error: Greatest error of the poses from which it was looked at, shape
             (words,) [m].
         motion: `Motion` of the occupied cells of each word, shape (words,).
+        source: Number of the sensor from which the claims of a word are, `NO_SENSOR`,
+            or `SEVERAL`, shape (words,).
     """
 
     lattice: Lattice
@@ -126,6 +131,7 @@ class Claims(NamedTuple):
     stamp: Vector
     error: Singles
     motion: ByteVector
+    source: ByteVector
 
 
 @table
@@ -239,6 +245,7 @@ def empty_claims(low: NDArray[np.float64], cell: float, side: int) -> Claims:
         empty_bits(words, ALL),
         np.full(words, -inf),
         np.zeros(words, dtype=np.float32),
+        np.zeros(words, dtype=np.uint8),
         np.zeros(words, dtype=np.uint8),
     )
 

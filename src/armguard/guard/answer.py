@@ -64,6 +64,18 @@ class Names:
     disproved: NDArray[np.int64]
 
 
+class SlotsSeen(NamedTuple):
+    """Sensors that saw the cells in the slots of a guard, and when.
+
+    Attributes:
+        ages: Ages of the claims about them, shape (slots,) [s].
+        sources: Numbers of the sensors, see `Claims`, shape (slots,).
+    """
+
+    ages: Floats
+    sources: NDArray[np.uint8]
+
+
 def first_row_of(tables: SceneTables) -> int:
     """Index at which the rows of near pairs start in the verdicts of a scene."""
     if all(part.mode == "fixed" for part in tables.robots):
@@ -161,12 +173,12 @@ class Answer:
     Attributes:
         data: The array that `layout` describes.
         names: Names of its scene.
-        ages: Ages of the cells in the slots [s]; None if they are unknown.
+        seen: Sensors of the cells in the slots, and ages; None if they are unknown.
     """
 
     data: Floats
     names: Names
-    ages: Floats | None = None
+    seen: SlotsSeen | None = None
 
     @property
     def robots(self) -> NDArray[np.void]:
@@ -265,8 +277,12 @@ class Answer:
         tables = self.names.tables
         if j < tables.modelled:
             return None
-        age = None if self.ages is None else float(self.ages[j - tables.modelled])
-        return SensedCells(tables.body_names[j] == UNSEEN, age)
+        unseen, slot = tables.body_names[j] == UNSEEN, j - tables.modelled
+        if self.seen is None:
+            return SensedCells(unseen, None, None)
+        names = dict(enumerate(tables.sensors, start=1))
+        sensor = names.get(int(self.seen.sources[slot]))
+        return SensedCells(unseen, float(self.seen.ages[slot]), sensor)
 
     def primitives(self, k: int) -> tuple[int, int]:
         """Indices of the two primitives of the k-th near pair."""

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import answer_of, first_row_of, names_of, stop_answer
+from armguard.guard.answer import (
+    SlotsSeen,
+    answer_of,
+    first_row_of,
+    names_of,
+    stop_answer,
+)
 from armguard.guard.checkpoint import chosen, kept_of_tables
 from armguard.guard.checkpoint_bounds import greatest_of
 from armguard.guard.contract import ContractTable
@@ -250,7 +256,7 @@ class Loop:
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
-        return Verdict(data, self._names, time, elapsed, fault, self._ages(time))
+        return Verdict(data, self._names, time, elapsed, fault, self._cells_seen(time))
 
     def judge_at_rest(self, q: JointVector) -> Verdict:
         """Judge a hypothetical configuration in which nothing moves. Never raises.
@@ -273,13 +279,13 @@ class Loop:
                 fault = likely_mistake(array, self.tables)
         return Verdict(data, self._names, None, (self._clock() - start) * 1e-9, fault)
 
-    def _ages(self, time: float | None) -> NDArray[np.float64] | None:
-        """Ages of the cells in the slots [s]; None without sensed space or a time."""
+    def _cells_seen(self, time: float | None) -> SlotsSeen | None:
+        """What is known of the cells in slots; None without sensed space or a time."""
         tables = self.tables
         if time is None or tables.sensing is None:
             return None
-        ages: NDArray[np.float64] = time - self._watch.seen_at[tables.modelled :]
-        return ages
+        ages = time - self._watch.seen_at[tables.modelled :]
+        return SlotsSeen(ages, self._sensed.table.sources.copy())
 
     def _answer(
         self, used: int, fault: str, q: NDArray[np.float64]

@@ -34,10 +34,13 @@ class SensedCells:
         unseen: Whether they are cells that no sensor has seen free; otherwise they are
             occupied.
         age: Age of the claims about them [s]; None if the verdict was recorded.
+        sensor: The sensor that looked last at them; None if there is none, if there are
+            several, or if the verdict was recorded.
     """
 
     unseen: bool
     age: float | None
+    sensor: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +194,8 @@ class NearPair:
         age = self.sensed.age
         if self.sensed.unseen or age is None or not isfinite(age):
             return f" at ({at})"
-        return f" {age * 1e3:.0f} ms ago at ({at})"
+        by = f" by {self.sensed.sensor}" if self.sensed.sensor else ""
+        return f"{by} {age * 1e3:.0f} ms ago at ({at})"
 
     @property
     def short_by(self) -> float:

@@ -21,7 +21,7 @@ from armguard.cells.state import (
 from armguard.record import Records, record, records
 from armguard.scene.sensing import SceneSensing
 from armguard.scene.tables import SceneTables
-from armguard.table import TABLE, IntMatrix, IntVector, table
+from armguard.table import TABLE, ByteVector, IntMatrix, IntVector, table
 
 
 class CellKind(IntEnum):
@@ -115,6 +115,7 @@ class Gathered:
         high: Its upper corner [m].
         stamp: Oldest of their stamps [s].
         error: Greatest of their errors [m].
+        source: Sensor from which they are, see `Claims`.
     """
 
     count: int
@@ -122,6 +123,7 @@ class Gathered:
     high: Triple
     stamp: float
     error: float
+    source: int
 
 
 @table
@@ -140,6 +142,7 @@ class Sensed(NamedTuple):
         claimed: Cells inside objects of the scene, shape (words,).
         carried: Primitives that a robot may carry, shape (k,).
         slots: First slot of each kind, and the one after its last, shape (4, 2).
+        sources: Sensor from which the cells of each slot are, shape (slots,).
         about: What is known of all cells together.
         query: Scratch: a primitive.
         search: Scratch: what cells near it are compared with.
@@ -157,6 +160,7 @@ class Sensed(NamedTuple):
     claimed: Words
     carried: IntVector
     slots: IntMatrix
+    sources: ByteVector
     about: Knowledge
     query: Query
     search: Search
@@ -189,6 +193,7 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         claimed=masks[2],
         carried=np.concatenate(carried).astype(np.int32),
         slots=slots,
+        sources=np.zeros(sum(SLOTS), dtype=np.uint8),
         about=knowledge_of(tables.sensing),
         query=records((), Query),
         search=records((), Search),

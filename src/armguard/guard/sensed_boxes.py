@@ -5,7 +5,8 @@ from math import inf
 import numpy as np
 
 from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z
-from armguard.cells.state import WORD_SIDE, Bits
+from armguard.cells.evidence import common_source
+from armguard.cells.state import NO_SENSOR, WORD_SIDE, Bits
 from armguard.cells.words import place_of_word
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.needs import robot_of
@@ -33,7 +34,7 @@ def gather(low: Vec3, high: Vec3, w: Workspace) -> Gathered:
         side = side_of(low, high, w.world.boxes[s.search.primitive])
     g = s.gathered[side]
     if g.count == 0:
-        g.stamp, g.error = inf, 0.0
+        g.stamp, g.error, g.source = inf, 0.0, NO_SENSOR
         for k in range(3):
             g.low[k], g.high[k] = inf, -inf
     g.count += 1
@@ -95,6 +96,7 @@ def gather_word(word: int, corner: Vec3, cells: Bits, w: Workspace) -> None:
     stamp = s.about.stamp if s.search.kind >= UNSEEN else claims.stamp[word]
     g.stamp = min(g.stamp, stamp)
     g.error = max(g.error, float(claims.error[word]))
+    g.source = common_source(int(g.source), int(claims.source[word]))
 
 
 @kernel
@@ -144,6 +146,7 @@ def slot_of_gathered(g: Gathered, free: int, w: Workspace) -> int:
     for k in range(3):
         box[k], box[k + 3] = g.low[k] - g.error, g.high[k] + g.error
     w.watch.seen_at[free] = g.stamp
+    s.sources[free - s.slots[0, 0]] = g.source
     return free
 
 

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armguard.cells.deltas import Delta
-from armguard.cells.state import ALL, NONE, Claims, Motion, empty_claims
+from armguard.cells.state import (
+    ALL,
+    NO_SENSOR,
+    NONE,
+    SEVERAL,
+    Claims,
+    Motion,
+    empty_claims,
+)
 from armguard.cells.view import CellView
 from armguard.errors import CellMapError
 from armguard.geometry.shapes import Box, shape_row
@@ -40,6 +48,7 @@ BOUNDS: Rules = {
     "sensed.occupied": [Whole(0, int(ALL))],
     "sensed.unknown": [Whole(0, int(ALL))],
     "sensed.motion": [FLAG],
+    "sensed.source": [Whole(0, SEVERAL)],
     "sensed.about": [
         Own(("outside", "speed", "stale")),
         Whole(0, MOST_COUNTED, ("used", "spent", "boxes")),
@@ -188,6 +197,7 @@ class SensedSpace:
             "stamp": claims.stamp,
             "error": claims.error,
             "motion": claims.motion,
+            "source": claims.source,
             "about": about,
         }
         return {f"sensed.{name}": array for name, array in found.items()}
@@ -239,9 +249,11 @@ def check_deltas(deltas: Records[Delta], words: int) -> None:
     error, motion = found["error"], found["motion"]
     sound = (found["stamp"] < np.inf) & (error >= 0.0) & (error < np.inf)
     sound &= (motion == Motion.STILL) | (motion == Motion.MOVING)
+    sound &= (found["source"] >= NO_SENSOR) & (found["source"] <= SEVERAL)
     if not sound.all():
         k = int(np.flatnonzero(~sound)[0])
         raise CellMapError(
-            f"change {k} has stamp {found['stamp'][k]}, error {error[k]} and motion "
-            f"{motion[k]}; stamp and error must be finite, motion 0 or 1"
+            f"change {k} has stamp {found['stamp'][k]}, error {error[k]}, motion "
+            f"{motion[k]} and source {found['source'][k]}; stamp and error must be "
+            f"finite, motion 0 or 1, source 0 to {SEVERAL}"
         )

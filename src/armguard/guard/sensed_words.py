@@ -61,7 +61,7 @@ def take_claims(deltas: Records[Delta], lines: LongVector) -> None:
         put_word(word, delta.bits[0], claims.occupied)
         put_word(word, delta.bits[1], claims.unknown)
         claims.stamp[word], claims.error[word] = delta.stamp, delta.error
-        claims.motion[word] = delta.motion
+        claims.motion[word], claims.source[word] = delta.motion, delta.source
         about.newest = max(about.newest, delta.stamp)
         about.error = max(about.error, float(claims.error[word]))
         sort_word(word, s)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
-from armguard.guard.answer import Answer, Counts, Names
+from armguard.guard.answer import Answer, Counts, Names, SlotsSeen
 from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
 from armguard.guard.layout import IN_HEADER, IN_ROBOT
 from armguard.guard.levels import Level, Reason
@@ -76,7 +76,7 @@ class Verdict:
             the inputs.
     """
 
-    __slots__ = ("_ages", "_data", "_fault", "_names", "cycle_time", "stamp")
+    __slots__ = ("_data", "_fault", "_names", "_seen", "cycle_time", "stamp")
 
     def __init__(
         self,
@@ -85,12 +85,12 @@ class Verdict:
         stamp: float | None,
         cycle_time: float,
         fault: str = "",
-        ages: Floats | None = None,
+        seen: SlotsSeen | None = None,
     ) -> None:
         self._data = data
-        self._ages = ages
         self._names = names
         self._fault = fault
+        self._seen = seen
         self.stamp = stamp
         self.cycle_time = cycle_time
 
@@ -363,7 +363,7 @@ class Verdict:
     @property
     def _answer(self) -> Answer:
         """The numbers of the verdict by name."""
-        return Answer(self._data, self._names, self._ages)
+        return Answer(self._data, self._names, self._seen)
 
     def _numbers_of(self, field: str) -> list[Any]:
         """One number per robot, in their order; none where every mode is "fixed"."""

@@ -120,6 +120,7 @@ def compile_scene(scene: Scene) -> SceneTables:
         late=scene.late,
         holds=holds,
         sensing=scene.sensing,
+        sensors=tuple(scene.sensors),
     )
 
 

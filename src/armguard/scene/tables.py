@@ -109,6 +109,7 @@ class SceneTables:
         late: How much later than that it may come [s].
         holds: Grippers and what they may grip.
         sensing: Sensed space; None if the scene has none.
+        sensors: Names of the sensors, by their numbers from 1 on.
         slots: Primitives at the end that stand for sensed cells, see `with_slots`.
     """
 
@@ -153,6 +154,7 @@ class SceneTables:
     late: float
     holds: HoldTables
     sensing: SceneSensing | None
+    sensors: tuple[str, ...]
     slots: int = 0
 
     @property

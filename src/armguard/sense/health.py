@@ -121,6 +121,11 @@ class SensorHealth:
         """Whether its frames free space: none of its faults concerns distances."""
         return not set(self.faults) - {Fault.LATE, Fault.SILENT}
 
+    @property
+    def silent(self) -> bool:
+        """Whether it sends no frames."""
+        return Fault.SILENT in self.faults
+
     def sign(self, fault: Fault, now: float, detail: str = "") -> None:
         """A sign of a fault.
 

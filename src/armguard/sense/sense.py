@@ -104,10 +104,11 @@ class Sense:
         self._masks = Masks(self._world, self.cells)
         self._missing = MissingObjects(self._world)
         self._stations = {
-            name: Station(View(sensor, intruder.size), self._world)
-            for name, sensor in scene.sensors.items()
+            name: Station(number, View(sensor, intruder.size), self._world)
+            for number, (name, sensor) in enumerate(scene.sensors.items(), start=1)
         }
         self.intakes: Counter[Intake] = Counter()
+        self._unknown = space.unknown
         self._start, self._stamp, self._sent = inf, -inf, -inf
 
     @property
@@ -142,6 +143,7 @@ class Sense:
             self._start, self._sent = now, now - 1.0
         for station in self._stations.values():
             station.health.listen(now, self._start)
+            self._withdraw(station)
         self._update_guard()
         return self._counted(Intake.TAKEN)
 
@@ -289,10 +291,12 @@ class Sense:
             reach=view.reach, single=not view.sensor.image,
             freeing=view.freeing(through), clearing=through,
             error=view.sensor.error + mount.shift + mount.turn * view.reach,
+            source=station.number,
         )  # fmt: skip
         self._stamp = max(self._stamp, claimed)
         if trusted:
             station.freed = claimed
+        self._withdraw(station)
         if self.cells.intruder_speed is not None:
             self.cells.expire(self._stamp)
         self._update_guard()
@@ -317,17 +321,31 @@ class Sense:
         if self._guard is not None and self._world.follow(self._guard):
             self._masks.forget()
 
+    def _withdraw(self, station: "Station") -> None:
+        """Forget the space that a sensor has freed if it is at fault.
+
+        Of a silent one too, unless moving intruders close it in time, or unknown space
+        is free: then its age is that of the map.
+        """
+        health = station.health
+        left = not health.trusted or (health.silent and self._unknown == "still")
+        if left and station.freed > -inf and self._unknown != "free":
+            self.cells.forget(station.number)
+            station.freed = -inf
+
     def _update_guard(self) -> None:
         """Let the guard take a bounded number of changes.
 
         With moving intruders the map forgets what they may have reached, so all of its
         claims hold at the newest frame. Else they hold since the oldest of the newest
-        frames of all sensors that have freed space.
+        frames of the sensors that have freed space, and were not withdrawn.
         """
         freed = [one.freed for one in self._stations.values() if one.freed > -inf]
-        if self._guard is None or not freed:
+        if self._guard is None or (not freed and self._sent < self._start):
             return
-        holds = min(freed) if self.cells.intruder_speed is None else self._stamp
+        holds = min(freed, default=self._sent)
+        if self.cells.intruder_speed is not None:
+            holds = self._stamp
         changes = self.deltas()
         if len(changes) < MOST_DELTAS:
             self._sent = max(self._sent, holds)
@@ -345,15 +363,18 @@ class Station:
         view: Its view.
         health: Its health.
         tests: Tests of its frames.
-        freed: Time of the newest of its frames that has freed space, minus infinity
-            without any [s].
+        number: Its number in the claims of the map, from 1 on.
+        freed: Time of the newest of its frames that has freed space that was not
+            forgotten since, minus infinity without any [s].
 
     Args:
+        number: See above.
         view: Its view.
         world: The scene.
     """
 
-    def __init__(self, view: View, world: World) -> None:
+    def __init__(self, number: int, view: View, world: World) -> None:
+        self.number = number
         self.view, self.health = view, SensorHealth(view.sensor)
         self.tests = FrameTests(view, self.health)
         self._alignment = Alignment(view, world.kinds, world.model_errors)

@@ -6,7 +6,8 @@ import pytest
 from armguard.cells.deltas import Delta
 from armguard.errors import CellMapError, UnknownNameError
 from armguard.record import records
-from sensed import CELL, LOW, changes, feed, grid, sensed_guard
+from armguard.respond import Guard
+from sensed import CELL, LOW, changes, feed, grid, sensed_guard, sensed_scene
 
 CELL_AT = (45, 32, 33)
 
@@ -34,6 +35,24 @@ def test_a_sentence_names_what_was_sensed_its_age_and_its_place():
     says = f"from something sensed 14 ms ago at ({x:.2f}, {y:.2f}, {z:.2f}): headroom"
     assert says in pair.why
     assert abs(x - (LOW[0] + CELL * CELL_AT[0])) < 1e-9
+
+
+def test_a_sentence_names_the_sensor():
+    scene = sensed_scene("free", margin=0.4)
+    for name in ("top", "side"):
+        scene.add_sensor(name, kind="tof")
+    guard = Guard(scene, self_test=False)
+    still = np.zeros(len(guard.home))
+    for source, by in ((0, ""), (1, " by top"), (2, " by side"), (255, "")):
+        guard.reset()
+        found = changes(one(), grid(), 0.01 * source)
+        found["source"] = source
+        feed(guard, found, 0.01 * source)
+        guard.step(guard.home, 0.01 * source + 0.01, velocity=still)
+        verdict = guard.step(guard.home, 0.01 * source + 0.014, velocity=still)
+        pair = min((p for p in verdict.near if p.sensed), key=lambda p: p.distance)
+        assert pair.sensed.sensor == (by[4:] or None)
+        assert f"from something sensed{by} 14 ms ago at (" in pair.why
 
 
 def test_a_sentence_names_space_that_is_not_known_free():
