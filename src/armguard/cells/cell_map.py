@@ -12,8 +12,14 @@ from armguard.cells.arrival import expire_words, raise_arrivals
 from armguard.cells.carve import carve
 from armguard.cells.clearing import pass_occupied
 from armguard.cells.deltas import Delta, take_deltas
-from armguard.cells.evidence import forget, settle
-from armguard.cells.given import check_frame, checked_pose, depths_of, pair_of
+from armguard.cells.evidence import forget, settle, withdraw
+from armguard.cells.given import (
+    check_frame,
+    check_source,
+    checked_pose,
+    depths_of,
+    pair_of,
+)
 from armguard.cells.grid import packed
 from armguard.cells.hits import hit_pixels
 from armguard.cells.masks import clear_masks, mask_shape
@@ -23,7 +29,6 @@ from armguard.cells.rays import cast_rays
 from armguard.cells.state import (
     ARRIVAL_SIDE,
     NO_SENSOR,
-    SEVERAL,
     Words,
     empty_evidence,
     empty_look,
@@ -141,20 +146,15 @@ class CellMap(CellView):
             raise CellMapError(f"centre is {centre}; it must be two finite numbers")
         check_frame(stamp, reach, error)
         depths = depths_of(image)
-        camera: Any = self._look.camera
-        camera["axes"], camera["origin"] = T[:3, :3].T, T[:3, 3]
-        camera["reach"] = reach
+        self._aim(T, reach)
         free = depths if freeing is None else depths_of(freeing)
         # Middles of pixels have whole numbers, so the image's corner is at -0.5.
         scale = np.array(free.shape[::-1]) / np.array(depths.shape[::-1])
-        camera["focal"] = scale * focals
-        camera["centre"] = scale * (np.array(middle) + 0.5) - 0.5
-        pyramid = self._room_for(free.shape)
-        fill_pyramid(free.reshape(-1), pyramid.lines)
-        carve(pyramid.lines, self._frame.lines)
+        self._carve(free, scale * focals, scale * (np.array(middle) + 0.5) - 0.5)
+        pyramid = self._room_for(depths.shape)
         if freeing is not None:
+            camera: Any = self._look.camera
             camera["focal"], camera["centre"] = focals, middle
-            pyramid = self._room_for(depths.shape)
             fill_pyramid(depths.reshape(-1), pyramid.lines)
         hit_pixels(single, pyramid.lines, self._frame.lines)
         if clearing is not None:
@@ -368,21 +368,66 @@ class CellMap(CellView):
         check_frame(stamp, inf, 0.0)
         expire_words(float(stamp), self._evidence.lines, self._claims.lines)
 
-    def forget(self, source: int) -> None:
-        """Make the space unknown again that a camera has freed and no other since.
+    def withdraw(
+        self, image: ArrayLike, T_world_camera: Pose | ArrayLike,
+        focal: tuple[float, float], centre: tuple[float, float], source: int, *,
+        reach: float = inf,
+    ) -> None:  # fmt: skip
+        """Make the cells unknown again that an image has freed.
 
-        So does space of which it has freed a part and another camera the rest, until
-        one looks at all of it.
+        Of words that another camera has wholly looked at since, and of own links, see
+        `own`, cells keep what they have.
+
+        Args:
+            image: Depths by which `depth` has freed space.
+            T_world_camera: See `depth`.
+            focal: Focal lengths along columns and rows [pixels].
+            centre: Column and row of the principal point [pixels].
+            source: Number of the camera that was given to `depth`.
+            reach: See `depth`.
+
+        Raises:
+            PoseError: The transform is not rigid.
+            CellMapError: There is no such number.
+        """
+        check_source(source)
+        depths = depths_of(image)
+        self._aim(checked_pose("T_world_camera", T_world_camera), reach)
+        self._carve(depths, focal, centre)
+        withdraw(
+            int(source), self._frame.lines, self._evidence.lines, self._claims.lines
+        )
+
+    def forget(self, source: int) -> None:
+        """Make all space unknown again that a camera was the last to look at.
+
+        So does space of which it and others have each looked at a part. Cells of own
+        links, see `own`, keep what they have.
 
         Args:
             source: Number that was given to `depth`, 1 to 254.
 
         Raises:
-            CellMapError: It is no such number.
+            CellMapError: There is no such number.
         """
-        if not NO_SENSOR < source < SEVERAL:
-            raise CellMapError(f"source is {source}; it must be 1 to {SEVERAL - 1}")
-        forget(int(source), self._evidence.lines, self._claims.lines)
+        check_source(source)
+        forget(int(source), self._frame.lines, self._evidence.lines, self._claims.lines)
+
+    def _aim(self, T: Floats, reach: float) -> None:
+        """Note where the camera of a frame is."""
+        camera: Any = self._look.camera
+        camera["axes"], camera["origin"] = T[:3, :3].T, T[:3, 3]
+        camera["reach"] = reach
+
+    def _carve(
+        self, image: NDArray[np.float32], focal: ArrayLike, centre: ArrayLike
+    ) -> None:
+        """Note the cells that an image passes."""
+        camera: Any = self._look.camera
+        camera["focal"], camera["centre"] = focal, centre
+        pyramid = self._room_for(image.shape)
+        fill_pyramid(image.reshape(-1), pyramid.lines)
+        carve(pyramid.lines, self._frame.lines)
 
     def _arrays(self) -> Iterator[NDArray[Any]]:
         """Arrays of the state; the first one is the lattice."""

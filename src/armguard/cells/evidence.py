@@ -148,19 +148,61 @@ def settle(
     look.notes.touched = 0
 
 
+@kernel
+def forget_cells(word: int, cells: np.uint64, evidence: Evidence, out: Claims) -> None:
+    """Make cells of a word unknown, unless they are occupied."""
+    before = out.unknown.words[word]
+    unknown: np.uint64 = before | cells & ~out.occupied.words[word]
+    if unknown != before:
+        put_word(word, unknown, out.unknown)
+        push(word, False, evidence)
+
+
 @kernel(inline=False, entry=True)
-def forget(source: int, evidence_lines: LongVector, claims_lines: LongVector) -> None:
-    """Make the free cells unknown that a sensor has freed, alone or with others.
+def withdraw(
+    source: int, look_lines: LongVector, evidence_lines: LongVector,
+    claims_lines: LongVector,
+) -> None:  # fmt: skip
+    """Make the cells unknown that a frame passes, and empty the frame.
+
+    Not those of own links, and none of a word that another sensor has wholly looked at
+    since.
 
     Args:
-        source: Number of the sensor.
+        source: Number of the sensor of the frame.
+        look_lines: Lines of `Look`; afterwards it has no passes.
         evidence_lines: Lines of `Evidence`; words that change wait to be sent.
         claims_lines: Lines of `Claims`.
     """
-    evidence, claims = evidence_of(evidence_lines), claims_of(claims_lines)
+    look, evidence = look_of(look_lines), evidence_of(evidence_lines)
+    claims = claims_of(claims_lines)
+    for k in range(look.notes.touched):
+        word = look.touched[k]
+        if claims.source[word] == source or claims.source[word] == SEVERAL:
+            own = look.inside[word] | look.shell[word]
+            forget_cells(word, look.passes[word] & ~own, evidence, claims)
+        look.passes[word] = NONE
+    look.notes.touched = 0
+
+
+@kernel(inline=False, entry=True)
+def forget(
+    source: int, look_lines: LongVector, evidence_lines: LongVector,
+    claims_lines: LongVector,
+) -> None:  # fmt: skip
+    """Make the words unknown that a sensor has looked at, alone or with others.
+
+    But for cells of own links: no sensor decides on these.
+
+    Args:
+        source: Number of the sensor.
+        look_lines: Lines of `Look`, with own links.
+        evidence_lines: Lines of `Evidence`; words that change wait to be sent.
+        claims_lines: Lines of `Claims`.
+    """
+    look, evidence = look_of(look_lines), evidence_of(evidence_lines)
+    claims = claims_of(claims_lines)
     for word in range(claims.stamp.shape[0]):
         if claims.source[word] == source or claims.source[word] == SEVERAL:
-            unknown = ~claims.occupied.words[word]
-            if claims.unknown.words[word] != unknown:
-                put_word(word, unknown, claims.unknown)
-                push(word, False, evidence)
+            own = look.inside[word] | look.shell[word]
+            forget_cells(word, ~own, evidence, claims)

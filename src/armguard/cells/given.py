@@ -5,6 +5,7 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armguard.cells.state import NO_SENSOR, SEVERAL
 from armguard.errors import CellMapError
 from armguard.geometry.pose import Pose, check_transform, transform_of
 
@@ -67,3 +68,13 @@ def depths_of(image: ArrayLike) -> NDArray[np.float32]:
         found = found.astype(np.float32) * np.float32(1e-3)
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(found, dtype=np.float32)
+
+
+def check_source(source: int) -> None:
+    """Refuse what is no number of a sensor.
+
+    Raises:
+        CellMapError: It is none.
+    """
+    if not NO_SENSOR < source < SEVERAL:
+        raise CellMapError(f"source is {source}; it must be 1 to {SEVERAL - 1}")

@@ -95,6 +95,7 @@ class Search:
         low: Lower corner of the box that its cells meet if they matter, world [m].
         high: Its upper corner [m].
         look: Distance beyond which cells do not matter [m].
+        need: Distance that cells have to keep at rest [m].
     """
 
     primitive: int
@@ -103,6 +104,7 @@ class Search:
     low: Triple
     high: Triple
     look: float
+    need: float
 
 
 @record

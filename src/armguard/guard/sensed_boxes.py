@@ -6,14 +6,16 @@ import numpy as np
 
 from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z
 from armguard.cells.evidence import common_source
-from armguard.cells.state import NO_SENSOR, WORD_SIDE, Bits
+from armguard.cells.state import NO_SENSOR, WORD_SIDE
 from armguard.cells.words import place_of_word
+from armguard.geometry.cell_gap import cell_gap
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.needs import robot_of
-from armguard.guard.sensed import CellKind, Gathered
+from armguard.guard.sensed import CellKind, Gathered, Sensed
 from armguard.guard.sensed_words import inside_of_word
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
+from armguard.lanes import ones
 from armguard.table import Vector
 
 UNSEEN = int(CellKind.UNSEEN)
@@ -64,18 +66,17 @@ def side_of(low: Vec3, high: Vec3, box: Vector) -> int:
 
 
 @kernel
-def gather_word(word: int, corner: Vec3, cells: Bits, w: Workspace) -> None:
-    """Add the cells of a word, but for those of objects that a robot carries.
+def gather_word(word: int, corner: Vec3, left: np.uint64, w: Workspace) -> None:
+    """Add cells of a word, but for those of objects that a robot carries.
 
     Args:
         word: The word.
         corner: Its lower corner [m].
-        cells: The cells of the kind that is judged.
+        left: Its cells of the kind that is judged, or some of them.
         w: The workspace.
     """
     s = w.sensed
     claims = s.claims
-    left = cells.words[word]
     for k in range(s.carried.shape[0]):
         i = int(s.carried[k])
         if robot_of(i, w.watch) >= 0:
@@ -97,6 +98,26 @@ def gather_word(word: int, corner: Vec3, cells: Bits, w: Workspace) -> None:
     g.stamp = min(g.stamp, stamp)
     g.error = max(g.error, float(claims.error[word]))
     g.source = common_source(int(g.source), int(claims.source[word]))
+
+
+@kernel
+def is_coarse(cells: np.uint64, g: Gathered, s: Sensed) -> bool:
+    """Whether a box around cells of a word blocks a robot, and is not filled by them.
+
+    Args:
+        cells: The cells.
+        g: The box.
+        s: Sensed space, with the primitive that is compared.
+    """
+    query, edge = s.query, s.claims.lattice.cell
+    gap = cell_gap(
+        query.kind, query.row, g.low[0], g.low[1], g.low[2], g.high[0], g.high[1],
+        g.high[2],
+    )  # fmt: skip
+    if gap - query.row[0] - g.error > s.search.need:
+        return False
+    x, y, z = g.high[0] - g.low[0], g.high[1] - g.low[1], g.high[2] - g.low[2]
+    return bool(x * y * z > (ones(cells) + 0.5) * edge * edge * edge)
 
 
 @kernel

@@ -46,6 +46,7 @@ from armguard.guard.sensed_boxes import (
     BY_WORD,
     gather,
     gather_word,
+    is_coarse,
     slab_corner,
     slot_of_gathered,
 )
@@ -57,6 +58,9 @@ STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.
 KINDS = len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
+
+# Cells of the first octant of a word, the edge of an octant [cells], and their count.
+OCTANT, OCTANT_SIDE, OCTANTS = np.uint64(0x330033), 2, 8
 
 # Boxes of cells that one judgement compares at most, at some 30 nanoseconds each.
 MOST_BOXES = 20_000
@@ -184,6 +188,7 @@ def write_search(i: int, w: Workspace) -> bool:
     if opens:
         look = need + lever_look(i, v, m)
     search.primitive, search.look = i, max(w.settings.margin, look)
+    search.need = need
     finite = search.look < inf
     for k in range(3):
         if opens:
@@ -256,12 +261,44 @@ def judge_group(group: int, corner: Vec3, count: int, cells: Bits, w: Workspace)
         words &= words - bit(0)
         inner = member_corner(low, edge, member)
         if not is_beyond(inner, edge, s):
-            gather_word((group << 6) + member, inner, cells, w)
+            number = (group << 6) + member
+            gather_word(number, inner, cells.words[number], w)
             if search.level == BY_WORD:
-                count = judge_gathered(count, w)
+                count = judge_word(number, inner, cells, count, w)
         if s.about.spent != 0:
             return count
     return count if search.level == BY_SIDE else judge_gathered(count, w)
+
+
+@kernel(inline=False)
+def judge_word(word: int, corner: Vec3, cells: Bits, count: int, w: Workspace) -> int:
+    """Judge the cells of a word as one box, or by octants where that box blocks.
+
+    Args:
+        word: The word, which is gathered.
+        corner: Its lower corner [m].
+        cells: The cells of the kind that is judged.
+        count: Count of rows of the answer.
+        w: The workspace.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    g = s.gathered[0]
+    if g.count == 0 or not is_coarse(cells.words[word], g, s):
+        return judge_gathered(count, w)
+    g.count = 0
+    edge = OCTANT_SIDE * s.claims.lattice.cell
+    for k in range(OCTANTS):
+        x, y, z = k & 1, k >> 1 & 1, k >> 2
+        place = OCTANT_SIDE * (x + WORD_SIDE * y + WORD_SIDE * WORD_SIDE * z)
+        chosen = cells.words[word] & (OCTANT << np.uint64(place))
+        low = (corner[0] + x * edge, corner[1] + y * edge, corner[2] + z * edge)
+        if chosen != 0 and s.about.spent == 0 and not is_beyond(low, edge, s):
+            gather_word(word, corner, chosen, w)
+            count = judge_gathered(count, w)
+    return count
 
 
 @kernel

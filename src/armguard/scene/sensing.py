@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from armguard.errors import SceneError
 from armguard.geometry.pose import Pose
@@ -170,6 +170,22 @@ class SceneZone(ZoneSettings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StartSettings:
+    """Space about the arms that a person has looked at before the sensors start.
+
+    Attributes:
+        clear: Distance from all links within which there is nothing but modelled
+            objects [m].
+        reason: Why this is known.
+    """
+
+    __pydantic_config__ = CLOSED
+
+    clear: Annotated[Distance, Field(le=1.0)]
+    reason: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SensingSettings:
     """Cells that sensors fill and the guard reads, see docs/cells.md.
 
@@ -180,6 +196,7 @@ class SensingSettings:
             "moving", as one that grows at the intruder's speed; "free".
         reason: Why it is free; required then.
         intruder: What may come into the region, unseen.
+        start: Space about the arms that is known free when the sensors start.
         stale: Age of the cells from which on all robots stop [s].
     """
 
@@ -190,6 +207,7 @@ class SensingSettings:
     unknown: Unknown
     reason: str | None = None
     intruder: IntruderSettings
+    start: StartSettings | None = None
     stale: Seconds = 1.0
 
     @model_validator(mode="after")
@@ -212,6 +230,12 @@ class SceneSensing(SensingSettings):
     """
 
     zones: Mapping[str, SceneZone] = field(default_factory=dict)
+
+    @property
+    def may_be_free(self) -> bool:
+        """Whether unseen space counts as free anywhere."""
+        zones = self.zones.values()
+        return self.unknown == "free" or any(zone.unknown == "free" for zone in zones)
 
 
 def scene_sensing(

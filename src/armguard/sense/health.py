@@ -126,6 +126,14 @@ class SensorHealth:
         """Whether it sends no frames."""
         return Fault.SILENT in self.faults
 
+    @property
+    def misled(self) -> bool:
+        """Whether frames may have freed space wrongly before a fault was found.
+
+        Frames of other faults free nothing. These are found in motion alone.
+        """
+        return not {Fault.STUCK, Fault.DIRTY, Fault.MOVED}.isdisjoint(self.faults)
+
     def sign(self, fault: Fault, now: float, detail: str = "") -> None:
         """A sign of a fault.
 

@@ -45,17 +45,30 @@ class Masks:
         if stamp < self._whole + EVERY:
             return
         self._whole = stamp
+        self._pass(placed, stamp, 0.0)
+
+    def pass_about_links(self, placed: Placed, stamp: float, clear: float) -> None:
+        """Pass the cells within a distance of all links [m]: nothing is there."""
+        self._pass(placed, stamp, clear)
+
+    def _pass(self, placed: Placed, stamp: float, clear: float) -> None:
         own = np.flatnonzero(self._world.own)
-        self._cells.mask(self._rows(own, placed, np.zeros(len(placed.rows))))
+        rows = self._rows(own, placed, np.zeros(len(placed.rows)))
+        self._cells.mask(
+            (k, row, error - clear, clear + shell) for k, row, error, shell in rows
+        )
         self._cells.points(np.zeros((0, 3)), np.zeros(3), stamp)
 
-    def set(self, view: View, mount: Mount, placed: Placed) -> None:
-        """Mask what a frame may hit, or free.
+    def set(
+        self, view: View, mount: Mount, placed: Placed, *, all_links: bool = False
+    ) -> None:
+        """Mask what a frame may not hit, nor free.
 
         Args:
             view: The sensor.
             mount: Where it is.
             placed: The primitives.
+            all_links: Whether to mask links that it does not see, too.
         """
         tables, sensor = self._world.tables, view.sensor
         away = np.linalg.norm(placed.balls[:, :3] - mount.origin, axis=1)
@@ -68,7 +81,7 @@ class Masks:
         reach = sensor.range[1] if sensor.image else view.reach
         seen = away - placed.balls[:, 3] - slack <= reach
         moving = np.arange(len(depth)) < tables.moving_count
-        chosen = np.flatnonzero(moving & seen)
+        chosen = np.flatnonzero(moving & (seen | all_links))
         rows = self._rows(chosen, placed, slack)
         self._cells.mask(rows, self._kept[sensor.name])
 

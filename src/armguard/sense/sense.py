@@ -108,7 +108,7 @@ class Sense:
             for number, (name, sensor) in enumerate(scene.sensors.items(), start=1)
         }
         self.intakes: Counter[Intake] = Counter()
-        self._unknown = space.unknown
+        self._space = space
         self._start, self._stamp, self._sent = inf, -inf, -inf
 
     @property
@@ -141,6 +141,7 @@ class Sense:
         if self._start == inf:
             # No claim is older than the first joint positions.
             self._start, self._sent = now, now - 1.0
+            self._clear_start()
         for station in self._stations.values():
             station.health.listen(now, self._start)
             self._withdraw(station)
@@ -321,17 +322,35 @@ class Sense:
         if self._guard is not None and self._world.follow(self._guard):
             self._masks.forget()
 
+    def _clear_start(self) -> None:
+        """Free the space about the links that a person has looked at."""
+        start, now = self._space.start, self._history.newest
+        placed = self._world.at(self._history, now, 0.0)
+        if start is not None and placed is not None:
+            self._masks.pass_about_links(placed, now, start.clear)
+
     def _withdraw(self, station: "Station") -> None:
         """Forget the space that a sensor has freed if it is at fault.
 
-        Of a silent one too, unless moving intruders close it in time, or unknown space
-        is free: then its age is that of the map.
+        Of a silent one too, unless moving intruders close it in time. Where unknown
+        space counts as free, forgetting is no answer: the whole map grows old.
         """
         health = station.health
-        left = not health.trusted or (health.silent and self._unknown == "still")
-        if left and station.freed > -inf and self._unknown != "free":
-            self.cells.forget(station.number)
-            station.freed = -inf
+        waits = health.silent and self.cells.intruder_speed is None
+        if (health.trusted and not waits) or station.freed == -inf:
+            return
+        if self._space.may_be_free:
+            return
+        now, sensor = self._history.newest, station.view.sensor
+        placed = self._world.at(self._history, now, sensor.jitter)
+        if placed is None:
+            self.cells.mask(())
+        else:
+            mount = mount_of(sensor, self._world, placed)
+            self._masks.set(station.view, mount, placed, all_links=True)
+        since = -inf if health.misled else station.freed
+        self.cells.forget(station.number, since)
+        station.freed = -inf
 
     def _update_guard(self) -> None:
         """Let the guard take a bounded number of changes.
