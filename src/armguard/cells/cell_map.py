@@ -10,10 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.cells.arrival import expire_words, raise_arrivals
 from armguard.cells.carve import carve
-from armguard.cells.clearing import pass_occupied
+from armguard.cells.clearing import pass_occupied, pass_only_occupied
 from armguard.cells.deltas import Delta, take_deltas
 from armguard.cells.evidence import settle
-from armguard.cells.given import check_frame, checked_pose, depths_of, pair_of
+from armguard.cells.given import (
+    check_frame,
+    checked_pose,
+    depths_of,
+    pair_of,
+    rays_of,
+    reaches_of,
+)
 from armguard.cells.grid import packed
 from armguard.cells.hits import hit_pixels
 from armguard.cells.masks import clear_masks, mask_shape
@@ -191,7 +198,8 @@ class CellMap(CellView):
 
     def points(
         self, points: ArrayLike, origin: ArrayLike, stamp: float, *,
-        reach: float = inf, error: float = 0.0,
+        reach: float | ArrayLike = inf, clearing: ArrayLike | None = None,
+        error: float = 0.0,
     ) -> None:  # fmt: skip
         """Take sparse points, each with a ray from the sensor.
 
@@ -203,20 +211,23 @@ class CellMap(CellView):
                 left out.
             origin: Place of the sensor, world, shape (3,) [m].
             stamp: Time of the points [s].
-            reach: Distance from the origin up to which space is freed [m].
+            reach: Distance from the origin up to which space is freed: one, or one for
+                each ray, shape (n,) [m].
+            clearing: Distance up to which each ray passes occupied cells, also beyond
+                `reach`, shape (n,) [m].
             error: Greatest error of the points' frame [m].
 
         Raises:
             CellMapError: The points or a number are not as above.
         """
-        rows = np.ascontiguousarray(points, dtype=np.float64)
-        start = np.ascontiguousarray(origin, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != 3:
-            raise CellMapError(f"points have shape {rows.shape}; it must be (n, 3)")
-        if start.shape != (3,) or not np.isfinite(start).all():
-            raise CellMapError(f"origin is {origin!r}; it must be three finite numbers")
-        check_frame(stamp, reach, error, least_reach=0.0)
-        cast_rays(rows, start, float(reach), self._frame.lines)
+        rows, start = rays_of(points, origin)
+        check_frame(stamp, inf, error)
+        reaches = reaches_of("reach", reach, len(rows))
+        if clearing is not None:
+            ways = reaches_of("clearing", clearing, len(rows))
+            cast_rays(rows, start, ways, self._frame.lines)
+            pass_only_occupied(self.claims, self._look)
+        cast_rays(rows, start, reaches, self._frame.lines)
         self._settle(stamp, error)
 
     def own(
