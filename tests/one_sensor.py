@@ -31,13 +31,13 @@ def slide(travel=0.01):
     )
 
 
-def one_sensor(kind, unknown="still", size=0.05, **settings):
+def one_sensor(kind, unknown="still", least=0.05, **settings):
     """A scene of a sensor at the origin; the ball is aside."""
     scene = Scene(mode="path", period=0.01)
     scene.add_robot(slide(), "arm", base=ag.Pose(xyz=(-0.1, 0.5, 0.5)), stopping=EXACT)
     scene.set_sensing(
         region={"centre": CENTRE, "size": SIZE}, cell=CELL, unknown=unknown,
-        intruder={"speed": 1.6, "size": size},
+        intruder={"speed": 1.6, "size": least},
     )  # fmt: skip
     scene.add_sensor("eye", kind=kind, **{"pose": POSE, **settings})
     return scene

@@ -90,7 +90,7 @@ def test_points_beyond_the_range_only_free_and_a_fault_frees_nothing():
 
 
 def beam(value, **settings):
-    sense = exact("range", angle=0.4, size=0.2, **settings)
+    sense = exact("range", angle=0.4, least=0.2, **settings)
     return sense, sense.range("eye", value, 1.0)
 
 
