@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import armguard as ag
+from armguard.errors import CellMapError
 
 SIDE, CELL = 64, 0.05
 HALF = 0.5 * SIDE * CELL
@@ -90,3 +91,32 @@ def test_a_point_that_is_not_finite_is_left_out(value):
     cells.points([(0.1, value, 0.2)], (0, 0, 0), 0.0)
     assert not cells.known_free().any()
     assert not cells.occupied().any()
+
+
+def test_each_ray_has_its_reach_and_none_of_nan():
+    cells, far = ag.CellMap((0, 0, 0), CELL, SIDE), 1.01
+    points = np.array([(far, 0.01, 0.01), (0.01, far, 0.01), (0.01, 0.01, far)])
+    cells.points(points, (0.01, 0.01, 0.01), 0.0, reach=[0.8, np.nan, 0.4])
+    expected = crossed(np.full(3, 0.01), points[0], 0.8)
+    expected |= crossed(np.full(3, 0.01), points[2], 0.4)
+    assert {tuple(p) for p in np.argwhere(cells.known_free())} == expected
+    assert cells.occupied().sum() == 3
+
+
+def test_a_ray_clears_occupied_cells_beyond_its_reach_and_frees_no_others():
+    cells, start = ag.CellMap((0, 0, 0), CELL, SIDE), np.array((-1.0, 0.01, 0.01))
+    cells.points([(0.01, 0.01, 0.01)], start, 0.0, reach=0.0)
+    points = [(1.01, 0.01, 0.01)]
+    cells.points(points, start, 1.0, reach=0.32, clearing=[0.9])
+    assert cells.occupied().sum() == 2
+    cells.points(points, start, 2.0, reach=0.32, clearing=[1.2])
+    assert np.argwhere(cells.occupied()).tolist() == [[52, 32, 32]]
+    free = {tuple(p) for p in np.argwhere(cells.known_free())}
+    assert free == crossed(start, np.array(points[0]), 0.32) | {(32, 32, 32)}
+
+
+@pytest.mark.parametrize("reach", [-0.1, [0.1, 0.2]])
+def test_reaches_that_are_negative_or_too_many_are_refused(reach):
+    cells = ag.CellMap((0, 0, 0), CELL, SIDE)
+    with pytest.raises(CellMapError, match="reach has shape"):
+        cells.points([(0.1, 0.1, 0.1)], (0, 0, 0), 0.0, reach=reach)

@@ -1,6 +1,6 @@
 """A map of cells that depth sensors fill."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from math import inf, isfinite, tan
 from pathlib import Path
 from typing import Any
@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armguard.cells.arrival import expire_words, raise_arrivals
 from armguard.cells.carve import carve
-from armguard.cells.clearing import pass_occupied
-from armguard.cells.deltas import Delta, take_deltas
-from armguard.cells.evidence import forget, settle, withdraw
+from armguard.cells.clearing import pass_occupied, pass_only_occupied
 from armguard.cells.given import (
     check_frame,
-    check_source,
     checked_pose,
     depths_of,
     pair_of,
+    rays_of,
+    reaches_of,
 )
 from armguard.cells.grid import packed
 from armguard.cells.hits import hit_pixels
@@ -26,18 +24,14 @@ from armguard.cells.masks import clear_masks, mask_shape
 from armguard.cells.octomap import add_boxes, read_leaves
 from armguard.cells.pyramid import Pyramid, empty_pyramid, fill_pyramid
 from armguard.cells.rays import cast_rays
+from armguard.cells.settled import SettledCells
 from armguard.cells.state import (
-    ARRIVAL_SIDE,
     NO_SENSOR,
     Words,
-    empty_evidence,
-    empty_look,
 )
-from armguard.cells.view import CellView, arrays_of
 from armguard.errors import CellMapError
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import HalfSpace, Shape, shape_row
-from armguard.record import Records, records
 from armguard.table import IntVector, Ledger
 
 Floats = NDArray[np.float64]
@@ -49,7 +43,7 @@ ROUND_OFF = 1e-4
 MOST_IMAGE_SIZES = 8
 
 
-class CellMap(CellView):
+class CellMap(SettledCells):
     """Cells of a cube, filled by depth images, zones and points.
 
     A cell is known free once a sensor has looked through all of it: every pixel that it
@@ -89,19 +83,9 @@ class CellMap(CellView):
         self, centre: ArrayLike, cell: float, size: int = 256, *,
         intruder_speed: float | None = None, settles: float = 0.5,
     ) -> None:  # fmt: skip
-        super().__init__(centre, cell, size)
-        if intruder_speed is not None and not 0.0 <= intruder_speed < inf:
-            raise CellMapError(
-                f"intruder_speed is {intruder_speed}; it must be at least 0 [m/s]"
-            )
-        if not 0.0 <= settles < inf:
-            raise CellMapError(f"settles is {settles}; it must be at least 0 [s]")
-        self.intruder_speed, self.settles = intruder_speed, float(settles)
-        words = len(self.claims.stamp)
-        blocks = 0 if intruder_speed is None else words // 8
-        self.evidence = empty_evidence(words, blocks)
-        self._look = empty_look(self.claims.lattice, words, blocks)
-        self._evidence, self._frame = Ledger(self.evidence), Ledger(self._look)
+        super().__init__(
+            centre, cell, size, intruder_speed=intruder_speed, settles=settles
+        )
         self._images: dict[tuple[int, int], tuple[Pyramid, Ledger]] = {}
 
     def depth(
@@ -132,7 +116,7 @@ class CellMap(CellView):
                 hit: of the same view, with any count of rows and columns.
             clearing: Depths by which occupied cells are passed whose middle is seen,
                 also where the view of them is not whole: an image of the same shape.
-            source: Number of the camera, 1 to 254, for `forget`.
+            source: Number of the sensor, 1 to 254, for `withdraw` and `forget`.
 
         Raises:
             PoseError: The transform is not rigid.
@@ -146,15 +130,20 @@ class CellMap(CellView):
             raise CellMapError(f"centre is {centre}; it must be two finite numbers")
         check_frame(stamp, reach, error)
         depths = depths_of(image)
-        self._aim(T, reach)
+        camera: Any = self._look.camera
+        camera["axes"], camera["origin"] = T[:3, :3].T, T[:3, 3]
+        camera["reach"] = reach
         free = depths if freeing is None else depths_of(freeing)
         # Middles of pixels have whole numbers, so the image's corner is at -0.5.
         scale = np.array(free.shape[::-1]) / np.array(depths.shape[::-1])
-        self._carve(free, scale * focals, scale * (np.array(middle) + 0.5) - 0.5)
-        pyramid = self._room_for(depths.shape)
+        camera["focal"] = scale * focals
+        camera["centre"] = scale * (np.array(middle) + 0.5) - 0.5
+        pyramid = self._room_for(free.shape)
+        fill_pyramid(free.reshape(-1), pyramid.lines)
+        carve(pyramid.lines, self._frame.lines)
         if freeing is not None:
-            camera: Any = self._look.camera
             camera["focal"], camera["centre"] = focals, middle
+            pyramid = self._room_for(depths.shape)
             fill_pyramid(depths.reshape(-1), pyramid.lines)
         hit_pixels(single, pyramid.lines, self._frame.lines)
         if clearing is not None:
@@ -200,7 +189,8 @@ class CellMap(CellView):
 
     def points(
         self, points: ArrayLike, origin: ArrayLike, stamp: float, *,
-        reach: float = inf, error: float = 0.0,
+        reach: float | ArrayLike = inf, clearing: ArrayLike | None = None,
+        error: float = 0.0, source: int = NO_SENSOR,
     ) -> None:  # fmt: skip
         """Take sparse points, each with a ray from the sensor.
 
@@ -212,21 +202,25 @@ class CellMap(CellView):
                 left out.
             origin: Place of the sensor, world, shape (3,) [m].
             stamp: Time of the points [s].
-            reach: Distance from the origin up to which space is freed [m].
+            reach: Distance from the origin up to which space is freed: one, or one for
+                each ray, shape (n,) [m].
+            clearing: Distance up to which each ray passes occupied cells, also beyond
+                `reach`, shape (n,) [m].
             error: Greatest error of the points' frame [m].
+            source: Number of the sensor, see `depth`.
 
         Raises:
             CellMapError: The points or a number are not as above.
         """
-        rows = np.ascontiguousarray(points, dtype=np.float64)
-        start = np.ascontiguousarray(origin, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != 3:
-            raise CellMapError(f"points have shape {rows.shape}; it must be (n, 3)")
-        if start.shape != (3,) or not np.isfinite(start).all():
-            raise CellMapError(f"origin is {origin!r}; it must be three finite numbers")
-        check_frame(stamp, reach, error, least_reach=0.0)
-        cast_rays(rows, start, float(reach), self._frame.lines)
-        self._settle(stamp, error)
+        rows, start = rays_of(points, origin)
+        check_frame(stamp, inf, error)
+        reaches = reaches_of("reach", reach, len(rows))
+        if clearing is not None:
+            ways = reaches_of("clearing", clearing, len(rows))
+            cast_rays(rows, start, ways, self._frame.lines)
+            pass_only_occupied(self.claims, self._look)
+        cast_rays(rows, start, reaches, self._frame.lines)
+        self._settle(stamp, error, source)
 
     def own(
         self, placed: Iterable[tuple[Shape, Pose | ArrayLike]], *,
@@ -323,117 +317,6 @@ class CellMap(CellView):
         notes["touched"] = len(touched)
         self._settle(stamp, 0.0)
 
-    def take_deltas(self, most: int = 512) -> Records[Delta]:
-        """Changes since they were last taken, for `CellView.apply`.
-
-        Words with new occupied cells come first. Once none is left, a view that took
-        all of them has the claims of this map to the bit.
-
-        Args:
-            most: Greatest count of changes.
-        """
-        out = records(most, Delta)
-        count = take_deltas(self._claims.lines, self._evidence.lines, out)
-        changes: Records[Delta] = out[:count]
-        return changes
-
-    def arrivals(self) -> Floats:
-        """Time before which nothing can be in each block of 8³ cells.
-
-        Returns:
-            Shape (size / 8,) · 3, by x, y, z; minus infinity where something may be at
-            any time [s].
-
-        Raises:
-            CellMapError: The map has no intruder speed.
-        """
-        if self.intruder_speed is None:
-            raise CellMapError("a map without intruder_speed has no arrival times")
-        side = self.size // ARRIVAL_SIDE
-        return self.evidence.arrival.reshape((side,) * 3).transpose().copy()
-
-    def expire(self, stamp: float) -> None:
-        """Forget known free cells into which an intruder may have come by a time.
-
-        A block of 8³ cells that no frame has wholly seen free is forgotten too.
-
-        Args:
-            stamp: The time, at which all claims hold then [s].
-
-        Raises:
-            CellMapError: The map has no intruder speed, or the stamp is not finite.
-        """
-        if self.intruder_speed is None:
-            raise CellMapError("a map without intruder_speed forgets nothing")
-        check_frame(stamp, inf, 0.0)
-        expire_words(float(stamp), self._evidence.lines, self._claims.lines)
-
-    def withdraw(
-        self, image: ArrayLike, T_world_camera: Pose | ArrayLike,
-        focal: tuple[float, float], centre: tuple[float, float], source: int, *,
-        reach: float = inf,
-    ) -> None:  # fmt: skip
-        """Make the cells unknown again that an image has freed.
-
-        Of words that another camera has wholly looked at since, and of own links, see
-        `own`, cells keep what they have.
-
-        Args:
-            image: Depths by which `depth` has freed space.
-            T_world_camera: See `depth`.
-            focal: Focal lengths along columns and rows [pixels].
-            centre: Column and row of the principal point [pixels].
-            source: Number of the camera that was given to `depth`.
-            reach: See `depth`.
-
-        Raises:
-            PoseError: The transform is not rigid.
-            CellMapError: There is no such number.
-        """
-        check_source(source)
-        depths = depths_of(image)
-        self._aim(checked_pose("T_world_camera", T_world_camera), reach)
-        self._carve(depths, focal, centre)
-        withdraw(
-            int(source), self._frame.lines, self._evidence.lines, self._claims.lines
-        )
-
-    def forget(self, source: int) -> None:
-        """Make all space unknown again that a camera was the last to look at.
-
-        So does space of which it and others have each looked at a part. Cells of own
-        links, see `own`, keep what they have.
-
-        Args:
-            source: Number that was given to `depth`, 1 to 254.
-
-        Raises:
-            CellMapError: There is no such number.
-        """
-        check_source(source)
-        forget(int(source), self._frame.lines, self._evidence.lines, self._claims.lines)
-
-    def _aim(self, T: Floats, reach: float) -> None:
-        """Note where the camera of a frame is."""
-        camera: Any = self._look.camera
-        camera["axes"], camera["origin"] = T[:3, :3].T, T[:3, 3]
-        camera["reach"] = reach
-
-    def _carve(
-        self, image: NDArray[np.float32], focal: ArrayLike, centre: ArrayLike
-    ) -> None:
-        """Note the cells that an image passes."""
-        camera: Any = self._look.camera
-        camera["focal"], camera["centre"] = focal, centre
-        pyramid = self._room_for(image.shape)
-        fill_pyramid(image.reshape(-1), pyramid.lines)
-        carve(pyramid.lines, self._frame.lines)
-
-    def _arrays(self) -> Iterator[NDArray[Any]]:
-        """Arrays of the state; the first one is the lattice."""
-        yield from super()._arrays()
-        yield from arrays_of(self.evidence)
-
     def _room_for(self, shape: tuple[int, int]) -> Ledger:
         """Room for an image of this shape."""
         if shape not in self._images:
@@ -442,18 +325,3 @@ class CellMap(CellView):
             pyramid = empty_pyramid(*shape)
             self._images[shape] = pyramid, Ledger(pyramid)
         return self._images[shape][1]
-
-    def _settle(self, stamp: float, error: float, source: int = NO_SENSOR) -> None:
-        """Turn a frame into claims."""
-        # Rounded up: a claim must not be better than its pose.
-        above = np.nextafter(np.float32(error), np.float32(inf))
-        settle(
-            float(stamp), float(above if error > 0.0 else 0.0), self.settles, source,
-            self._frame.lines, self._evidence.lines, self._claims.lines,
-        )  # fmt: skip
-        if self.intruder_speed is not None:
-            edge = ARRIVAL_SIDE * self.cell
-            edge_time = edge / self.intruder_speed if self.intruder_speed else inf
-            raise_arrivals(
-                float(stamp), edge_time, self._frame.lines, self._evidence.lines
-            )

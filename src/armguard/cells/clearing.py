@@ -53,6 +53,18 @@ def pass_occupied(image: NDArray[np.float32], claims: Claims, out: Look) -> None
     out.passes[words] |= passed
 
 
+def pass_only_occupied(claims: Claims, out: Look) -> None:
+    """Of the cells that a frame passes leave those that are occupied.
+
+    Args:
+        claims: Claims of the map.
+        out: The frame.
+    """
+    notes: Any = out.notes
+    words = out.touched[: int(notes["touched"])]
+    out.passes[words] &= claims.occupied.words[words]
+
+
 def looks_past(
     middles: Floats, cell: float, image: NDArray[np.float32], look: Look
 ) -> NDArray[np.bool_]:

@@ -12,11 +12,12 @@ from armguard.cells.state import (
     Evidence,
     Look,
     Motion,
+    Words,
 )
 from armguard.cells.words import place_of_word, put_word, touch
 from armguard.kernel import kernel
 from armguard.lanes import ones
-from armguard.table import LongVector, opener
+from armguard.table import IntVector, LongVector, opener
 
 STILL, MOVING = int(Motion.STILL), int(Motion.MOVING)
 
@@ -160,29 +161,29 @@ def forget_cells(word: int, cells: np.uint64, evidence: Evidence, out: Claims) -
 
 @kernel(inline=False, entry=True)
 def withdraw(
-    source: int, look_lines: LongVector, evidence_lines: LongVector,
-    claims_lines: LongVector,
+    source: int, words: IntVector, passes: Words,
+    look_lines: LongVector, evidence_lines: LongVector, claims_lines: LongVector,
 ) -> None:  # fmt: skip
-    """Make the cells unknown that a frame passes, and empty the frame.
+    """Make the cells unknown that a frame has passed.
 
     Not those of own links, and none of a word that another sensor has wholly looked at
     since.
 
     Args:
         source: Number of the sensor of the frame.
-        look_lines: Lines of `Look`; afterwards it has no passes.
+        words: Words that it has touched, shape (n,).
+        passes: Cells of these that it has passed, shape (n,).
+        look_lines: Lines of `Look`, with own links.
         evidence_lines: Lines of `Evidence`; words that change wait to be sent.
         claims_lines: Lines of `Claims`.
     """
     look, evidence = look_of(look_lines), evidence_of(evidence_lines)
     claims = claims_of(claims_lines)
-    for k in range(look.notes.touched):
-        word = look.touched[k]
+    for k in range(words.shape[0]):
+        word = int(words[k])
         if claims.source[word] == source or claims.source[word] == SEVERAL:
             own = look.inside[word] | look.shell[word]
-            forget_cells(word, look.passes[word] & ~own, evidence, claims)
-        look.passes[word] = NONE
-    look.notes.touched = 0
+            forget_cells(word, passes[k] & ~own, evidence, claims)
 
 
 @kernel(inline=False, entry=True)

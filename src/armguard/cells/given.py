@@ -36,9 +36,7 @@ def checked_pose(name: str, pose: Pose | ArrayLike) -> Floats:
     return transform_of(pose) if isinstance(pose, Pose) else check_transform(name, pose)
 
 
-def check_frame(
-    stamp: float, reach: float, error: float, least_reach: float | None = None
-) -> None:
+def check_frame(stamp: float, reach: float, error: float) -> None:
     """Refuse numbers of a frame that are out of their range.
 
     Raises:
@@ -46,10 +44,40 @@ def check_frame(
     """
     if not isfinite(stamp):
         raise CellMapError(f"stamp is {stamp}; it must be finite [s]")
-    if not (reach > 0.0 or reach == least_reach):
+    if not reach > 0.0:
         raise CellMapError(f"reach is {reach}; it must be positive [m]")
     if not 0.0 <= error < inf:
         raise CellMapError(f"error is {error}; it must be at least 0 [m]")
+
+
+def rays_of(points: ArrayLike, origin: ArrayLike) -> tuple[Floats, Floats]:
+    """Points, shape (n, 3), and where their rays begin, shape (3,) [m].
+
+    Raises:
+        CellMapError: They have other shapes, or the origin is not finite.
+    """
+    rows = np.ascontiguousarray(points, dtype=np.float64)
+    start = np.ascontiguousarray(origin, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise CellMapError(f"points have shape {rows.shape}; it must be (n, 3)")
+    if start.shape != (3,) or not np.isfinite(start).all():
+        raise CellMapError(f"origin is {origin!r}; it must be three finite numbers")
+    return rows, start
+
+
+def reaches_of(name: str, given: float | ArrayLike, count: int) -> Floats:
+    """Reaches of rays, one for each; NaN is none, shape (count,) [m].
+
+    Raises:
+        CellMapError: One is negative, or there are more or fewer.
+    """
+    found = np.asarray(given, dtype=np.float64)
+    if found.shape not in ((), (count,)) or (found < 0.0).any():
+        raise CellMapError(
+            f"{name} has shape {found.shape} for {count} points; it must be one "
+            "distance, or one for each, of at least 0 [m]"
+        )
+    return np.ascontiguousarray(np.broadcast_to(found, (count,)))
 
 
 def depths_of(image: ArrayLike) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ from armguard.cells.state import Lattice, Look, Triple
 from armguard.cells.words import bit, touch, word_at
 from armguard.geometry.vec3 import Vec3, norm, scaled, sub
 from armguard.kernel import kernel
-from armguard.table import LongVector, Matrix
+from armguard.table import LongVector, Matrix, Vector
 
 # Share of a ray below which it only touches a cell [-].
 TOUCHED = 1e-12
@@ -84,7 +84,7 @@ def cross_cells(
 
 @kernel(inline=False, entry=True)
 def cast_rays(
-    points: Matrix, origin: Triple, reach: float, look_lines: LongVector
+    points: Matrix, origin: Triple, reaches: Vector, look_lines: LongVector
 ) -> None:
     """Note the cells that rays cross, and those of their points.
 
@@ -92,7 +92,8 @@ def cast_rays(
         points: Measured points, world, shape (n, 3) [m]; one that is not finite is
             left out.
         origin: Where the rays begin, world, shape (3,) [m].
-        reach: Distance from the origin up to which space is freed [m].
+        reaches: Distance from the origin up to which each ray passes cells; NaN for
+            none, shape (n,) [m].
         look_lines: Lines of `Look`.
     """
     look = look_of(look_lines)
@@ -107,5 +108,7 @@ def cast_rays(
         if not length < inf:
             continue
         hit(cell_at(end[0], end[1], end[2], lattice.side), True, lattice.blocks, look)
-        share = 1.0 if length <= reach else reach / length
-        cross_cells(start, way, share, lattice, look)
+        reach = reaches[n]
+        if reach > 0.0:
+            share = 1.0 if length <= reach else reach / length
+            cross_cells(start, way, share, lattice, look)

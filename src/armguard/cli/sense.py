@@ -16,6 +16,7 @@ from armguard.cli.console import (
     out,
     print_json,
 )
+from armguard.recording.sensor_files import sensor_source
 from armguard.scene import load_scene
 from armguard.sense import Sense, SensorHealth
 
@@ -26,8 +27,17 @@ AT_FAULT = 1
 def sense(
     scene: SceneFile,
     play: Annotated[
-        Path, Option(help="File of joint positions and frames, see docs/sense.md.")
+        list[Path],
+        Option(
+            help="File of joint positions and frames: ours, a bag of ROS, a cloud, a "
+            "folder of clouds or depth images; a tree of OctoMap (.bt) is a start of "
+            "the map. Repeat it for several, which are played in order."
+        ),
     ],
+    topic: Annotated[
+        list[str] | None,
+        Option(help="Sensor of a topic of a bag, as SENSOR=/topic; repeat it."),
+    ] = None,
     robot: RobotOption = None,
     json: Json = False,
 ) -> None:
@@ -38,9 +48,15 @@ def sense(
     """
     with loading_bar() as progress:
         loaded = load_scene(scene, robot=robot, progress=progress)
-    sensed = Sense(loaded)
-    events = sensed.play(play)
-    answer = answer_of(sensed, events)
+    sensed, events, notes = Sense(loaded), 0, list[str]()
+    for path in play:
+        if path.suffix.lower() == ".bt":
+            sensed.cells.read_octomap(path, 0.0)
+            continue
+        source = sensor_source(path, loaded, topic or ())
+        events += sensed.play(source.events)
+        notes += source.notes
+    answer = answer_of(sensed, events) | {"notes": notes}
     if json:
         print_json(answer)
     else:
@@ -86,6 +102,8 @@ def show(answer: dict[str, Any]) -> None:
             out.print(f"{one['from']:.3f} to {one['to']:.3f} s: {name}: {one['is']}")
     for name, since in answer["missing"].items():
         out.print(f"{since:.3f} s: object '{name}' is not where the scene has it")
+    for note in answer["notes"]:
+        out.print(f"note: {note}")
     counts = ", ".join(f"{count} {name}" for name, count in answer["intakes"].items())
     out.print(
         f"{answer['events']} events ({counts}); {answer['occupied']} cells occupied, "

@@ -5,6 +5,7 @@ from math import isfinite, sqrt
 from time import process_time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armguard.cli.finding import Finding
 from armguard.errors import ArmguardError
@@ -33,7 +34,7 @@ def sensor_findings(scene: Scene) -> Iterator[Finding]:
         return
     sensors = scene.sensors.values()
     rate = sum(1.0 / one.period for one in sensors)
-    zones = sum(one.zones[0] * one.zones[1] for one in sensors if not one.image)
+    zones = sum(one.zones[0] * one.zones[1] for one in sensors if one.form == "zones")
     try:
         share = measured_share(scene)
     except ArmguardError as error:
@@ -48,7 +49,7 @@ def sensor_findings(scene: Scene) -> Iterator[Finding]:
         keys=("sensors",),
     )
     for one in sensors:
-        view = View(one, space.intruder.size)
+        view = View(one, space.intruder.size, space.cell)
         age = worst_age(scene, one)
         hard = deceleration_at(scene, one)
         speeds = {0.0, space.intruder.speed if space.unknown == "moving" else 0.0}
@@ -81,18 +82,29 @@ def measured_share(scene: Scene) -> float:
         for step in range(round(SECONDS / STEP)):
             sense.joints(scene.home, start + step * STEP)
         for name, one in scene.sensors.items():
-            columns, rows = one.zones
             # Every frame has other distances, so that none repeats another.
             middle = 0.5 * (one.range[0] + min(one.range[1], 1.5)) + 0.001 * k
-            image = np.full((rows, columns), middle)
+            values = frame_at(one, middle)
             before, stamp = process_time(), start + SECONDS - 2.0 * STEP
-            if one.image:
-                sense.depth(name, image, stamp)
-            else:
-                sense.zones(name, image, None, stamp)
+            sense.frame(name, values, None, stamp)
             # The first frames load kernels.
             total += (process_time() - before) / one.period if k else 0.0
     return total / FRAMES
+
+
+def frame_at(sensor: SceneSensor, distance: float) -> NDArray[np.float64]:
+    """A frame of a sensor that sees a wall at a distance [m].
+
+    A cloud is as dense as declared within 45° about the axis.
+    """
+    if sensor.form == "beam":
+        return np.array(distance)
+    if sensor.form == "points":
+        slope = np.arange(-0.41, 0.41, sensor.spacing)
+        x, y = (part.ravel() for part in np.meshgrid(slope, slope))
+        return distance * np.stack([x, y, np.ones(len(x))], axis=1)
+    columns, rows = sensor.zones
+    return np.full((rows, columns), distance)
 
 
 def worst_age(scene: Scene, sensor: SceneSensor) -> float:

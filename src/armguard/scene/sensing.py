@@ -77,12 +77,13 @@ def check_reflex_sensor(sensor: SceneSensor, distance: float) -> None:
     """Refuse a sensor by which the reflex cannot stop the arms.
 
     Raises:
-        SceneError: It is a camera, no robot carries it, or it does not see so far.
+        SceneError: It has no zones, no robot carries it, or it does not see so far.
     """
-    if sensor.image or sensor.on is None:
+    if sensor.form != "zones" or sensor.on is None:
+        but = "on none" if sensor.on is None else f"of kind {sensor.kind}"
         raise SceneError(
             f"the reflex takes zones of sensors on links; sensor '{sensor.name}' is "
-            f"{'a camera' if sensor.image else 'on none'}: leave it out"
+            f"{but}: leave it out"
         )
     least, greatest = sensor.range
     if not least < distance <= greatest:

@@ -7,8 +7,12 @@ from typing import Literal
 # What a distance is measured along: the axis of the sensor, or the ray of the zone.
 Along = Literal["axis", "ray"]
 
+# The form of its frames: distances of zones; a depth image; points, each with a ray
+# from the sensor; one distance within a cone.
+Form = Literal["zones", "image", "points", "beam"]
+
 # "tof": any array of zones that each measure a distance by time of flight.
-KindName = Literal["tof", "vl53l5cx", "vl53l8cx", "depth"]
+KindName = Literal["tof", "vl53l5cx", "vl53l8cx", "depth", "points", "range"]
 
 Pair = tuple[float, float]
 
@@ -33,7 +37,7 @@ class SensorKind:
     """Figures of a kind of sensor.
 
     Attributes:
-        image: Whether it has pixels of a pinhole camera, in place of zones.
+        form: The form of its frames.
         zones: Columns and rows of its zones or pixels.
         view: Angle of its view along the columns and along the rows [rad].
         range: Least and greatest distance that it measures [m].
@@ -46,11 +50,12 @@ class SensorKind:
         fill: Share of a zone that an object has to fill to be measured [-].
         merge: Two surfaces nearer together than this may give one distance between
             them [m].
+        spacing: Greatest angle between neighbouring rays of points [rad].
         along: What a distance is measured along.
         codes: What the status of a zone says.
     """
 
-    image: bool = False
+    form: Form = "zones"
     zones: tuple[int, int] = (8, 8)
     view: Pair = (0.785, 0.785)
     range: Pair = (0.02, 0.4)
@@ -61,6 +66,7 @@ class SensorKind:
     jitter: float = 0.005
     fill: float = 0.25
     merge: float = 0.6
+    spacing: float = 0.0
     along: Along = "axis"
     codes: Codes = Codes(valid=(0,), doubtful=(), nothing=(1,))
 
@@ -89,7 +95,7 @@ KINDS: dict[KindName, SensorKind] = {
         codes=ST_CODES,
     ),
     "depth": SensorKind(
-        image=True,
+        form="image",
         zones=(640, 480),
         range=(0.3, 3.0),
         error=0.005,
@@ -98,6 +104,30 @@ KINDS: dict[KindName, SensorKind] = {
         delay=0.045,
         jitter=0.008,
         fill=1.0,
+        merge=0.0,
+    ),
+    # A cloud: of a lidar, or of a depth camera that does not give its image.
+    "points": SensorKind(
+        form="points",
+        zones=(1, 1),
+        range=(0.1, 10.0),
+        error=0.01,
+        noise=(0.005, 0.0, 0.001),
+        period=0.1,
+        jitter=0.01,
+        fill=1.0,
+        merge=0.0,
+        spacing=0.01,
+        along="ray",
+    ),
+    # A distance within a cone, by sound or by light: `sensor_msgs/Range`.
+    "range": SensorKind(
+        form="beam",
+        view=(0.26, 0.26),
+        range=(0.02, 2.0),
+        noise=(0.003, 0.01, 0.0),
+        period=0.05,
+        along="ray",
         merge=0.0,
     ),
 }

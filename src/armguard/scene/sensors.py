@@ -20,7 +20,7 @@ from armguard.scene.schema import (
     at_most,
     counted,
 )
-from armguard.scene.sensor_kinds import KINDS, Along, Codes, KindName, Pair
+from armguard.scene.sensor_kinds import KINDS, Along, Codes, Form, KindName, Pair
 
 # The widest view whose zones are cut out of one plane before the sensor [rad].
 WIDEST = 0.9 * pi
@@ -32,8 +32,16 @@ View = Annotated[Positive, at_most(WIDEST, "rad")]
 Count = Annotated[int, Field(ge=1, le=64)]
 Pixels = Annotated[int, Field(ge=2, le=4096)]
 
-# Keys that only cameras have, and those that only arrays of zones have.
-OF_IMAGES, OF_ZONES = ("size", "focal", "middle"), ("zones", "view")
+# Keys that only sensors of a form have.
+OF_FORMS: dict[Form, tuple[str, ...]] = {
+    "zones": ("zones", "view"),
+    "image": ("size", "focal", "middle"),
+    "points": ("spacing",),
+    "beam": ("angle",),
+}
+
+# Parts of the cone of a beam along each edge of a square about it.
+PARTS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,14 +83,17 @@ class SensorSettings:
     Attributes:
         on: 'robot/link' that carries it; None if it is fixed in the world.
         kind: "tof": an array of zones that each measure a distance by time of flight;
-            "vl53l5cx" and "vl53l8cx": such arrays of ST; "depth": a depth camera. The
-            kind has figures of all that is not set.
+            "vl53l5cx" and "vl53l8cx": such arrays of ST; "depth": a depth camera;
+            "points": a lidar, or any sensor that gives points; "range": one distance
+            within a cone. The kind has figures of all that is not set.
         zones: Columns and rows of its zones.
         view: Angle of its view along the columns and along the rows [rad].
         size: Columns and rows of the pixels of a depth camera.
         focal: Its focal length, required for a depth camera [pixels].
         middle: Column and row of its principal point; by default that of the image
             [pixels].
+        angle: Opening angle of the cone of a single distance [rad].
+        spacing: Greatest angle between neighbouring rays of points [rad].
         range: Least and greatest distance that it measures [m].
         error: How far off a distance, or the place of a zone, may be, beside its
             noise [m].
@@ -105,6 +116,8 @@ class SensorSettings:
     size: Annotated[tuple[Pixels, Pixels], counted(2)] | None = None
     focal: Positive | None = None
     middle: Annotated[tuple[Number, Number], counted(2)] | None = None
+    angle: View | None = None
+    spacing: View | None = None
     range: Annotated[tuple[Distance, Distance], counted(2)] | None = None
     error: Annotated[NotNegative, METRES] | None = None
     noise: (
@@ -122,12 +135,13 @@ class SensorSettings:
         if self.range is not None and self.range[0] >= self.range[1]:
             least, greatest = self.range
             raise ValueError(f"range is {least} to {greatest} m; it must rise")
-        image = KINDS[self.kind].image
-        for key in OF_ZONES if image else OF_IMAGES:
-            if getattr(self, key) is not None:
-                own = ", ".join(OF_IMAGES if image else OF_ZONES)
-                raise ValueError(f"kind {self.kind} has no `{key}`; it has {own}")
-        if image and self.focal is None:
+        form = KINDS[self.kind].form
+        own = OF_FORMS[form]
+        for key in (key for keys in OF_FORMS.values() for key in keys):
+            if key not in own and getattr(self, key) is not None:
+                said = ", ".join(own)
+                raise ValueError(f"kind {self.kind} has no `{key}`; it has {said}")
+        if form == "image" and self.focal is None:
             raise ValueError(
                 "focal is missing; give that of the camera, such as focal: 615 [pixels]"
             )
@@ -144,7 +158,7 @@ class SceneSensor:
         kind: Its kind.
         pose: Its frame in the link that carries it, or in the world: it looks along z,
             its columns follow x, its rows y.
-        image: See `SensorKind`, from here to `merge`.
+        form: The form of its frames.
         zones: Columns and rows.
         view: Angle of its view along the columns and along the rows [rad].
         focal: Focal lengths along columns and rows [zones or pixels].
@@ -157,6 +171,7 @@ class SceneSensor:
         jitter: How much that differs [s].
         fill: Share of a zone that an object has to fill [-].
         merge: Depth within which surfaces merge [m].
+        spacing: Greatest angle between neighbouring rays of points [rad].
         along: What a distance is measured along.
         codes: What the status of a zone says.
     """
@@ -165,7 +180,7 @@ class SceneSensor:
     on: str | None
     kind: KindName
     pose: Pose
-    image: bool
+    form: Form
     zones: tuple[int, int]
     view: Pair
     focal: Pair
@@ -178,8 +193,14 @@ class SceneSensor:
     jitter: float
     fill: float
     merge: float
+    spacing: float
     along: Along
     codes: Codes
+
+    @property
+    def image(self) -> bool:
+        """Whether it has pixels of a pinhole camera."""
+        return self.form == "image"
 
 
 def scene_sensors(name: str, settings: SensorSettings, pose: Pose) -> list[SceneSensor]:
@@ -199,7 +220,10 @@ def scene_sensors(name: str, settings: SensorSettings, pose: Pose) -> list[Scene
         for field in fields(kind)
     }
     columns, rows = figures["zones"] = settings.size or figures["zones"]
-    if kind.image:
+    if kind.form == "beam":
+        columns, rows = figures["zones"] = PARTS, PARTS
+        figures["view"] = (settings.angle or kind.view[0],) * 2
+    if kind.form == "image":
         assert settings.focal is not None
         focal = (settings.focal, settings.focal)
         figures["view"] = tuple(

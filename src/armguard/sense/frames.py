@@ -1,6 +1,7 @@
 """Frames of sensors as numbers, each zone or pixel with what its value says."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,10 @@ from armguard.scene.sensors import SceneSensor
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+
+# Numbers of a frame of points at most.
+MOST_NUMBERS = 1 << 24
 
 
 class Intake(WithSentence):
@@ -60,10 +65,19 @@ class Frame(NamedTuple):
     nothing: Bools
     impossible: Bools
 
-    @property
-    def valid(self) -> float:
-        """Share of its zones or pixels that say something [-]."""
-        return float((np.isfinite(self.depth) | self.nothing).mean())
+
+class Points(NamedTuple):
+    """Measured points of a frame, in the sensor.
+
+    Attributes:
+        xyz: The points that count, shape (n, 3) [m].
+        beyond: Which of them are beyond the range: nothing is within it, shape (n,).
+        given: How many points the frame had.
+    """
+
+    xyz: Floats
+    beyond: Bools
+    given: int
 
 
 def numbers(
@@ -126,3 +140,59 @@ def frame_of(
     within = (depth > 0.0) & (depth <= sensor.range[1])
     usable = measured & ~impossible & within & ~no_number
     return Frame(np.where(usable, depth, np.nan), firm & usable, nothing, impossible)
+
+
+def points_of(sensor: SceneSensor, values: ArrayLike) -> Points:
+    """Points of a sensor; those that are not finite or too near are left out.
+
+    Args:
+        sensor: The sensor.
+        values: The points in its frame, shape (..., 3) [m].
+
+    Raises:
+        BadFrameError: They are no such points.
+    """
+    try:
+        found = np.asarray(values)
+    except (TypeError, ValueError, OverflowError):
+        raise BadFrameError(Intake.WRONG_TYPE) from None
+    if found.dtype.kind != "f":
+        raise BadFrameError(Intake.WRONG_TYPE)
+    if found.ndim < 2 or found.shape[-1] != 3 or found.size > MOST_NUMBERS:
+        raise BadFrameError(Intake.WRONG_SIZE)
+    xyz = found.reshape(-1, 3).astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        way = np.linalg.norm(xyz, axis=1)
+    counts = np.isfinite(way) & (way >= sensor.range[0])
+    return Points(xyz[counts], way[counts] > sensor.range[1], len(xyz))
+
+
+def beam_of(
+    sensor: SceneSensor, slopes: Floats, cone: Bools, value: ArrayLike
+) -> Frame:
+    """The frame of one distance: it is valid for the whole arc within the cone.
+
+    Less than the range, and minus infinity, are a body that is too near: the arc at the
+    least distance is hit, and nothing is freed.
+
+    Args:
+        sensor: The sensor.
+        slopes: Length of the ray of each part at depth 1, shape (rows, columns).
+        cone: Which parts are in the cone, of that shape.
+        value: The distance: a float [m], plus infinity if nothing is within range, or
+            an integer [mm].
+
+    Raises:
+        BadFrameError: It is no number.
+    """
+    found = numbers(np.atleast_1d(np.asarray(value)), "fiu", (1, 1))
+    scale = 1e-3 if found.dtype.kind in "iu" else 1.0
+    distance = float(found[0, 0]) * scale
+    least, greatest = sensor.range
+    near = distance == -inf or 0.0 <= distance < least
+    measured = near or least <= distance <= greatest
+    depth = np.where(cone & measured, max(distance, least) / slopes, np.nan)
+    return Frame(
+        depth, cone & measured & (not near), cone & (distance == inf),
+        cone & (-inf < distance < 0.0),
+    )  # fmt: skip

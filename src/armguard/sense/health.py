@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from armguard.errors import WithSentence
 from armguard.scene.sensors import SceneSensor
-from armguard.sense.frames import Frame, Intake
+from armguard.sense.frames import Frame, Intake, Points
 from armguard.sense.prediction import Mount, Prediction
 from armguard.sense.view import View
 
@@ -181,10 +181,10 @@ class FrameTests:
         self._least, self._most = np.full(zones, np.inf), np.full(zones, -np.inf)
         self._window: deque[tuple[float, Floats, Mount]] = deque()
 
-    def repeats(self, frame: Frame, now: float) -> bool:
-        """Whether a frame has the distances of the one before; twice is a fault."""
-        data = frame.depth.tobytes()
-        same = data == self._bytes and np.isfinite(frame.depth).sum() >= LEAST_REPEATED
+    def repeats(self, values: Floats, now: float) -> bool:
+        """Whether a frame has the values of the one before; twice is a fault."""
+        data = values.tobytes()
+        same = data == self._bytes and np.isfinite(values).sum() >= LEAST_REPEATED
         if same and self._repeated:
             self._health.sign(Fault.REPEATED, now)
         self._bytes, self._repeated = data, bool(same)
@@ -204,23 +204,38 @@ class FrameTests:
             now: The time of it [s].
         """
         depth = frame.depth[self._view.places]
-        self._test_blind(frame, depth, prediction, now)
+        self._test_blind(self._valid(frame, depth, prediction), now)
         if frame.impossible.any():
             self._health.sign(Fault.UNUSABLE, now, "values that cannot be")
+        if self._view.sensor.form == "beam":
+            # Its one distance is the least within the cone, and has no zones.
+            return
         self._test_stuck(depth, prediction, now)
         foreign = np.isfinite(hits[self._view.places])
         self._test_dirty(depth, foreign, mount, now)
 
-    def _test_blind(
-        self, frame: Frame, depth: Floats, prediction: Prediction, now: float
-    ) -> None:
+    def test_points(self, found: Points, now: float) -> None:
+        """Test points: without any the sensor is blind.
+
+        Args:
+            found: The points.
+            now: The time of them [s].
+        """
+        self._test_blind(1.0 if len(found.xyz) else 0.0, now)
+
+    def _valid(self, frame: Frame, depth: Floats, prediction: Prediction) -> float:
+        """Share of the zones that see a known surface and are valid; of all else."""
         least, greatest = self._view.sensor.range
-        sees = (prediction.near > least) & (prediction.far < 0.8 * greatest)
-        valid = frame.valid
+        within = self._view.cone[self._view.places]
+        sees = within & (prediction.near > least) & (prediction.far < 0.8 * greatest)
         if sees.sum() >= max(4, 0.05 * len(depth)):
-            valid = float(np.isfinite(depth[sees]).mean())
-        elif self._view.sensor.image:
-            valid = 1.0
+            return float(np.isfinite(depth[sees]).mean())
+        if self._view.sensor.image:
+            return 1.0
+        says = np.isfinite(frame.depth) | frame.nothing
+        return float(says[self._view.cone].mean())
+
+    def _test_blind(self, valid: float, now: float) -> None:
         self._blind = 0 if valid >= LEAST_VALID else self._blind + 1
         if self._blind >= BLIND_FRAMES:
             self._health.sign(Fault.BLIND, now, f"{valid:.0%} valid")

@@ -36,9 +36,14 @@ class Masks:
         self._kept: dict[str, Kept] = {}
         self._whole = -np.inf
 
-    def forget(self) -> None:
-        """Mask static objects again: one of them has another place."""
-        self._kept.clear()
+    def forget(self, name: str | None = None) -> None:
+        """Mask static objects again: one of them, or a sensor, has another place.
+
+        Args:
+            name: The sensor; None for all.
+        """
+        for one in [name] if name is not None else list(self._kept):
+            self._kept.pop(one, None)
 
     def pass_links(self, placed: Placed, stamp: float) -> None:
         """Pass the cells in all links, if that was not done for some time."""
@@ -74,11 +79,12 @@ class Masks:
         away = np.linalg.norm(placed.balls[:, :3] - mount.origin, axis=1)
         depth = np.minimum(away + placed.balls[:, 3], sensor.range[1])
         # The hits of zones are explained one by one, whatever their depth.
-        slack = view.slack(depth) if sensor.image else np.full(len(depth), sensor.error)
+        single = sensor.form in ("zones", "beam")
+        slack = np.full(len(depth), sensor.error) if single else view.slack(depth)
         slack += mount.shift + mount.turn * depth
         if sensor.name not in self._kept:
             self._keep(sensor.name, sensor.on is not None, placed, slack)
-        reach = sensor.range[1] if sensor.image else view.reach
+        reach = view.reach if single else sensor.range[1]
         seen = away - placed.balls[:, 3] - slack <= reach
         moving = np.arange(len(depth)) < tables.moving_count
         chosen = np.flatnonzero(moving & (seen | all_links))

@@ -1,7 +1,7 @@
 """Sensors of a scene fill its map of cells: frames in, changes of the map out."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import BufferedIOBase
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -9,42 +9,49 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armguard.cells.cell_map import CellMap
 from armguard.cells.deltas import Delta
-from armguard.errors import SceneError
+from armguard.errors import PoseError, SceneError
+from armguard.geometry.pose import Pose
 from armguard.guard.monitor import Monitor
 from armguard.record import Records
 from armguard.scene.scene import Scene
 from armguard.scene.sensing import SceneSensing
-from armguard.sense.alignment import Alignment
-from armguard.sense.frames import BadFrameError, Frame, Intake, frame_of
+from armguard.scene.sensor_kinds import Form
+from armguard.sense.filling import Filling
+from armguard.sense.frames import BadFrameError, Intake
 from armguard.sense.frames_file import (
     DEPTH,
     JOINTS,
+    POINTS,
+    POSE,
+    RANGE,
     ZONES,
+    Event,
     read_events,
     write_event,
 )
-from armguard.sense.health import SIGNS, Fault, FrameTests, SensorHealth
+from armguard.sense.health import SIGNS, Fault, SensorHealth
 from armguard.sense.history import JointHistory
-from armguard.sense.masking import Masks
-from armguard.sense.missing import MissingObjects
-from armguard.sense.prediction import Mount, Prediction, explained, mount_of, predict
+from armguard.sense.station import Station
 from armguard.sense.view import View
-from armguard.sense.world import Placed, World
-
-Floats = NDArray[np.float64]
+from armguard.sense.world import World
 
 # A frame may be this much newer than the newest joint positions [s].
 AHEAD = 0.02
 
-# Fits in a row that have to show that a sensor is mounted elsewhere.
-CERTAIN_FITS = 2
-
 # Most changes of the map that a guard is given at once.
 MOST_DELTAS = 512
+
+# The event of a frame of each form.
+EVENTS: dict[Form, int] = {
+    "zones": ZONES,
+    "image": DEPTH,
+    "points": POINTS,
+    "beam": RANGE,
+}
 
 
 class Sense:
@@ -93,7 +100,7 @@ class Sense:
         record: BufferedIOBase | None = None,
     ) -> None:  # fmt: skip
         space = sensed_space(scene)
-        self._record = record
+        self._record, self._space = record, space
         self._world, self._guard = World(scene, guard), guard
         region, intruder = space.region, space.intruder
         self.cells = CellMap(
@@ -101,15 +108,13 @@ class Sense:
             intruder_speed=intruder.speed if space.unknown == "moving" else None,
         )  # fmt: skip
         self._history = JointHistory(*self._world.joint_figures())
-        self._masks = Masks(self._world, self.cells)
-        self._missing = MissingObjects(self._world)
+        self._filling = Filling(self._world, self.cells, guard)
         self._stations = {
-            name: Station(number, View(sensor, intruder.size), self._world)
-            for number, (name, sensor) in enumerate(scene.sensors.items(), start=1)
+            name: Station(k, View(sensor, intruder.size, space.cell), self._world)
+            for k, (name, sensor) in enumerate(scene.sensors.items(), start=1)
         }
         self.intakes: Counter[Intake] = Counter()
-        self._space = space
-        self._start, self._stamp, self._sent = inf, -inf, -inf
+        self._start, self._sent = inf, -inf
 
     @property
     def health(self) -> Mapping[str, SensorHealth]:
@@ -119,12 +124,12 @@ class Sense:
     @property
     def missing(self) -> Mapping[str, float]:
         """Modelled objects through which sensors look, and since when [s]."""
-        return MappingProxyType(self._missing.since)
+        return MappingProxyType(self._filling.missing.since)
 
     @property
     def stamp(self) -> float:
         """Time of the newest measurement in the map, minus infinity without any [s]."""
-        return self._stamp
+        return self._filling.stamp
 
     def joints(self, q: ArrayLike, stamp: float) -> Intake:
         """Take joint positions, in every cycle.
@@ -141,10 +146,11 @@ class Sense:
         if self._start == inf:
             # No claim is older than the first joint positions.
             self._start, self._sent = now, now - 1.0
-            self._clear_start()
+            if self._space.start is not None:
+                self._filling.clear(self._space.start.clear, self._history)
         for station in self._stations.values():
             station.health.listen(now, self._start)
-            self._withdraw(station)
+            self._check_trust(station)
         self._update_guard()
         return self._counted(Intake.TAKEN)
 
@@ -157,7 +163,7 @@ class Sense:
                 infinity or 0 where nothing was measured.
             stamp: Its stamp [s].
         """
-        return self._take(name, True, image, None, stamp)
+        return self._take(name, "image", image, None, stamp)
 
     def zones(
         self, name: str, distance: ArrayLike, status: ArrayLike | None, stamp: float
@@ -172,7 +178,68 @@ class Sense:
                 positive finite distance was measured.
             stamp: Its stamp [s].
         """
-        return self._take(name, False, distance, status, stamp)
+        return self._take(name, "zones", distance, status, stamp)
+
+    def points(self, name: str, xyz: ArrayLike, stamp: float) -> Intake:
+        """Take the points of a lidar, or of another sensor that gives points.
+
+        Args:
+            name: Name of the sensor.
+            xyz: The points in its frame, shape (..., 3): floats [m]. Not finite ones
+                are left out; those beyond its range only free space.
+            stamp: Its stamp [s].
+        """
+        return self._take(name, "points", xyz, None, stamp)
+
+    def range(self, name: str, metres: ArrayLike, stamp: float) -> Intake:
+        """Take the distance of a sensor that measures one within a cone.
+
+        Args:
+            name: Name of the sensor.
+            metres: The distance: a float [m] or an integer [mm]. Minus infinity is a
+                body that is too near, plus infinity none within range, NaN no
+                measurement.
+            stamp: Its stamp [s].
+        """
+        return self._take(name, "beam", metres, None, stamp)
+
+    def frame(
+        self, name: str, values: ArrayLike, status: ArrayLike | None, stamp: float
+    ) -> Intake:
+        """Take a frame of any sensor, as the method of its kind does.
+
+        Args:
+            name: Name of the sensor.
+            values: Its values.
+            status: Status of zones; None for other kinds.
+            stamp: Its stamp [s].
+        """
+        station = self._stations.get(name) if isinstance(name, str) else None
+        form: Form = "zones" if station is None else station.view.sensor.form
+        return self._take(name, form, values, status, stamp)
+
+    def move_sensor(self, name: str, pose: ArrayLike, stamp: float) -> Intake:
+        """Take another pose of a sensor in the world, before its frame of that pose.
+
+        Args:
+            name: Name of a sensor that no link carries.
+            pose: Its frame in the world, shape (4, 4).
+            stamp: Its stamp [s].
+        """
+        station = self._stations.get(name) if isinstance(name, str) else None
+        if station is None:
+            return self._counted(Intake.UNKNOWN_SENSOR)
+        try:
+            made = Pose.from_matrix(np.asarray(pose, dtype=np.float64))
+        except (PoseError, TypeError, ValueError):
+            return self._counted(Intake.WRONG_TYPE)
+        if station.view.sensor.on is not None:
+            return self._counted(Intake.WRONG_KIND)
+        if self._record is not None:
+            write_event(self._record, POSE, name, number_of(stamp), pose)
+        station.move(made)
+        self._filling.moved(name)
+        return self._counted(Intake.TAKEN)
 
     def deltas(self, most: int = MOST_DELTAS) -> Records[Delta]:
         """Changes of the map since they were last taken, see `CellMap.take_deltas`.
@@ -183,21 +250,27 @@ class Sense:
         return self.cells.take_deltas(most)
 
     def _take(
-        self, name: str, image: bool, values: ArrayLike, status: ArrayLike | None,
+        self, name: str, form: Form, values: ArrayLike, status: ArrayLike | None,
         stamp: float,
     ) -> Intake:  # fmt: skip
         station = self._stations.get(name) if isinstance(name, str) else None
         if station is None:
             return self._counted(Intake.UNKNOWN_SENSOR)
         health, now = station.health, self._history.newest
+        if self._record is not None:
+            # A stamp that is no number is NaN in the file.
+            stamped = number_of(stamp)
+            write_event(self._record, EVENTS[form], name, stamped, values, status)
         try:
-            self._write(DEPTH if image else ZONES, name, stamp, values, status)
-            if station.view.sensor.image is not image:
+            if station.view.sensor.form != form:
                 raise BadFrameError(Intake.WRONG_KIND)
             taken = self._time_of(station, stamp)
-            view = station.view
-            frame = frame_of(view.sensor, view.slopes, values, status)
-            intake = self._fill(station, frame, taken)
+            found = station.read(values, status)
+            intake = self._filling.take(
+                station, found, taken, self._history, self._sent
+            )
+            self._check_trust(station)
+            self._update_guard()
         except BadFrameError as error:
             intake = error.intake
             if intake in SIGNS and isfinite(now):
@@ -205,37 +278,31 @@ class Sense:
         health.intakes[intake] += 1
         return self._counted(intake)
 
-    def play(self, path: Path) -> int:
-        """Take all joint positions and frames of a file; how many there are.
+    def play(self, events: Path | Iterable[Event]) -> int:
+        """Take joint positions and frames again; how many there are.
 
-        The same file fills the same map to the bit.
+        The same events fill the same map to the bit.
 
         Args:
-            path: The file.
+            events: Events, or a file of them.
 
         Raises:
             RecordingError: It cannot be read, or is no file of frames.
         """
         count = 0
-        for event, name, stamp, arrays in read_events(path):
+        forms = {event: form for form, event in EVENTS.items()}
+        found = read_events(events) if isinstance(events, Path) else events
+        for event, name, stamp, arrays in found:
             values: Any = arrays[0] if arrays else None
             status = arrays[1] if len(arrays) > 1 else None
             count += 1
             if event == JOINTS:
                 self.joints(values, stamp)
-            elif event == ZONES:
-                self.zones(name, values, status, stamp)
+            elif event == POSE:
+                self.move_sensor(name, values, stamp)
             else:
-                self.depth(name, values, stamp)
+                self._take(name, forms[event], values, status, stamp)
         return count
-
-    def _write(
-        self, event: int, name: str, stamp: float, values: ArrayLike | None,
-        status: ArrayLike | None,
-    ) -> None:  # fmt: skip
-        """Write a frame into the record; a stamp that is no number is NaN in it."""
-        if self._record is not None:
-            write_event(self._record, event, name, number_of(stamp), values, status)
 
     def _time_of(self, station: "Station", stamp: float) -> float:
         """When a frame was measured [s].
@@ -256,101 +323,17 @@ class Sense:
             health.sign(Fault.LATE, now, f"{(now - given) * 1e3:.0f} ms")
         return given - sensor.delay
 
-    def _fill(self, station: "Station", frame: Frame, taken: float) -> Intake:
-        """Let the map take a frame.
-
-        Raises:
-            BadFrameError: The joint positions of its time are not known.
-        """
-        view, health = station.view, station.health
-        self._update_world()
-        placed = self._world.at(self._history, taken, view.sensor.jitter)
-        if placed is None:
-            raise BadFrameError(Intake.NO_POSITIONS)
-        mount = mount_of(view.sensor, self._world, placed)
-        prediction = predict(view, mount, placed, self._world)
-        repeated = station.tests.repeats(frame, taken)
-        hits = self._hits(view, mount, placed, frame, prediction)
-        station.tests.test(frame, hits, mount, prediction, taken)
-        station.align(frame, mount, placed, prediction, taken)
-        claimed = taken - view.sensor.jitter
-        trusted = health.trusted and not repeated
-        if self.cells.intruder_speed is None:
-            # Space that a sensor frees first must not be older than the guard assumes.
-            trusted = trusted and claimed >= self._sent
-        if trusted:
-            self._missing.look(view, frame, prediction, taken)
-        self._masks.pass_links(placed, taken)
-        self._masks.set(view, mount, placed)
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = mount.R, mount.origin
-        through = view.through(frame)
-        if not trusted:
-            through[:] = np.nan
-        self.cells.depth(
-            hits, T, view.sensor.focal, view.sensor.middle, claimed,
-            reach=view.reach, single=not view.sensor.image,
-            freeing=view.freeing(through), clearing=through,
-            error=view.sensor.error + mount.shift + mount.turn * view.reach,
-            source=station.number,
-        )  # fmt: skip
-        self._stamp = max(self._stamp, claimed)
-        if trusted:
-            station.freed = claimed
-        self._withdraw(station)
-        if self.cells.intruder_speed is not None:
-            self.cells.expire(self._stamp)
-        self._update_guard()
-        return Intake.TAKEN if trusted else Intake.HITS_ONLY
-
-    def _hits(
-        self, view: View, mount: Mount, placed: Placed, frame: Frame,
-        prediction: Prediction,
-    ) -> Floats:  # fmt: skip
-        """Depths of a frame that links and modelled objects do not explain [m].
-
-        What is too far to be freed again would stay in the map.
-        """
-        counts = view.clearable(frame.depth, self.cells.cell)
-        if not view.sensor.image:
-            kinds = self._world.kinds
-            counts &= ~explained(view, mount, placed, kinds, frame, prediction)
-        return np.where(counts, frame.depth, np.nan)
-
-    def _update_world(self) -> None:
-        """Take over where the guard has static objects."""
-        if self._guard is not None and self._world.follow(self._guard):
-            self._masks.forget()
-
-    def _clear_start(self) -> None:
-        """Free the space about the links that a person has looked at."""
-        start, now = self._space.start, self._history.newest
-        placed = self._world.at(self._history, now, 0.0)
-        if start is not None and placed is not None:
-            self._masks.pass_about_links(placed, now, start.clear)
-
-    def _withdraw(self, station: "Station") -> None:
-        """Forget the space that a sensor has freed if it is at fault.
+    def _check_trust(self, station: "Station") -> None:
+        """Withdraw the space that a sensor has freed if it is at fault.
 
         Of a silent one too, unless moving intruders close it in time. Where unknown
-        space counts as free, forgetting is no answer: the whole map grows old.
+        space counts as free, that is no answer: then the whole map grows old.
         """
         health = station.health
         waits = health.silent and self.cells.intruder_speed is None
-        if (health.trusted and not waits) or station.freed == -inf:
-            return
-        if self._space.may_be_free:
-            return
-        now, sensor = self._history.newest, station.view.sensor
-        placed = self._world.at(self._history, now, sensor.jitter)
-        if placed is None:
-            self.cells.mask(())
-        else:
-            mount = mount_of(sensor, self._world, placed)
-            self._masks.set(station.view, mount, placed, all_links=True)
-        since = -inf if health.misled else station.freed
-        self.cells.forget(station.number, since)
-        station.freed = -inf
+        distrusted = station.freed > -inf and (waits or not health.trusted)
+        if distrusted and not self._space.may_be_free:
+            self._filling.withdraw(station, self._history)
 
     def _update_guard(self) -> None:
         """Let the guard take a bounded number of changes.
@@ -364,7 +347,7 @@ class Sense:
             return
         holds = min(freed, default=self._sent)
         if self.cells.intruder_speed is not None:
-            holds = self._stamp
+            holds = self.stamp
         changes = self.deltas()
         if len(changes) < MOST_DELTAS:
             self._sent = max(self._sent, holds)
@@ -373,43 +356,6 @@ class Sense:
     def _counted(self, intake: Intake) -> Intake:
         self.intakes[intake] += 1
         return intake
-
-
-class Station:
-    """A sensor with its health and its tests.
-
-    Attributes:
-        view: Its view.
-        health: Its health.
-        tests: Tests of its frames.
-        number: Its number in the claims of the map, from 1 on.
-        freed: Time of the newest of its frames that has freed space that was not
-            forgotten since, minus infinity without any [s].
-
-    Args:
-        number: See above.
-        view: Its view.
-        world: The scene.
-    """
-
-    def __init__(self, number: int, view: View, world: World) -> None:
-        self.number = number
-        self.view, self.health = view, SensorHealth(view.sensor)
-        self.tests = FrameTests(view, self.health)
-        self._alignment = Alignment(view, world.kinds, world.model_errors)
-        self._certain, self.freed = 0, -inf
-
-    def align(
-        self, frame: Frame, mount: Mount, placed: Placed, prediction: Prediction,
-        now: float,
-    ) -> None:  # fmt: skip
-        """Compare the place of the sensor with its frames; see `Alignment.add`."""
-        made = self._alignment.add(frame, mount, placed, prediction, now)
-        offset = self._alignment.offset
-        if made and offset is not None:
-            self._certain = self._certain + 1 if offset.certain else 0
-        if self._certain >= CERTAIN_FITS:
-            self.health.sign(Fault.MOVED, now, str(offset))
 
 
 def number_of(stamp: object) -> float:

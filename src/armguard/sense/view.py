@@ -1,11 +1,11 @@
 """The view of a sensor: its zones in space, and how far it surely sees."""
 
-from math import inf, pi, sqrt
+from math import atan2, inf, pi, sqrt, tan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.scene.sensors import SceneSensor
+from armguard.scene.sensors import PARTS, SceneSensor
 from armguard.sense.frames import Frame
 
 Floats = NDArray[np.float64]
@@ -17,6 +17,13 @@ SIGMAS = 3.0
 # Rays along each edge of a zone, with which its distance is predicted.
 RAYS = 3
 
+# Radius of the middle part of a beam that is freed, as a share of that of the beam: two
+# of its parts along each edge, from corner to corner [-].
+INNER = 2.0 * sqrt(2.0) / PARTS
+
+# Pixels along each edge of a part of a beam, by which space is freed.
+FINER = 4
+
 # Pixels along each edge of an image of which distances are predicted.
 LOOKS = 24
 
@@ -27,6 +34,8 @@ class View:
     Attributes:
         sensor: The sensor.
         slopes: Length of the ray of each zone at depth 1, shape (rows, columns).
+        cone: Which zones are in the view, shape (rows, columns): all but the parts of
+            a beam outside its cone.
         reach: Depth up to which the sensor surely sees what has the least size [m].
         places: Rows and columns of the zones that are predicted, each of shape (z,).
         ways: Unit vectors of the rays of these, in the sensor, shape (z, rays, 3).
@@ -34,16 +43,20 @@ class View:
     Args:
         sensor: The sensor.
         size: Least diameter of what has to be seen [m].
+        cell: Edge of a cell of the map [m].
     """
 
-    def __init__(self, sensor: SceneSensor, size: float) -> None:
+    def __init__(self, sensor: SceneSensor, size: float, cell: float = inf) -> None:
         self.sensor = sensor
         columns, rows = sensor.zones
         x = (np.arange(columns) - sensor.middle[0]) / sensor.focal[0]
         y = (np.arange(rows) - sensor.middle[1]) / sensor.focal[1]
         self._x, self._y = np.meshgrid(x, y)
         self.slopes = np.sqrt(1.0 + self._x**2 + self._y**2)
-        self.reach = min(sure_reach(sensor, size), sensor.range[1])
+        self.cone = np.ones((rows, columns), dtype=np.bool_)
+        if sensor.form == "beam":
+            self.cone = self._corners(-0.5) < tan(0.5 * sensor.view[0])
+        self.reach = min(sure_reach(sensor, size, cell), sensor.range[1])
         picked = (
             np.unique(np.linspace(0, n - 1, min(n, LOOKS)).round().astype(np.int64))
             if sensor.image
@@ -63,6 +76,17 @@ class View:
             axis=2,
         )
         self.ways = ways / np.linalg.norm(ways, axis=2, keepdims=True)
+
+    def _corners(self, ways: float) -> Floats:
+        """Distances of corners of zones from the axis, at depth 1, (rows, columns).
+
+        Args:
+            ways: Way from the middle of a zone to the corner, away from the axis:
+                0.5 for the farthest one, -0.5 for the nearest one [zones].
+        """
+        aside = np.abs(self._x) + ways / self.sensor.focal[0]
+        along = np.abs(self._y) + ways / self.sensor.focal[1]
+        return np.asarray(np.hypot(np.maximum(aside, 0.0), np.maximum(along, 0.0)))
 
     def slack(self, depth: Floats) -> Floats:
         """How far off a distance may be by the sensor's error and its noise [m]."""
@@ -124,6 +148,11 @@ class View:
         """
         if self.sensor.image:
             return depth
+        if self.sensor.form == "beam":
+            inner = 1.001 * INNER * tan(0.5 * self.sensor.view[0])
+            depth = np.where(self._corners(0.5) <= inner, depth, np.nan)
+            # A cell is compared with several pixels on each side of it.
+            return depth.repeat(FINER, axis=0).repeat(FINER, axis=1)
         halves = np.pad(
             depth.repeat(2, axis=0).repeat(2, axis=1), 1, constant_values=np.nan
         )
@@ -131,16 +160,55 @@ class View:
         return np.asarray(windows.min(axis=(2, 3)))
 
 
-def sure_reach(sensor: SceneSensor, size: float) -> float:
-    """Depth up to which what has a least diameter fills its share of a zone [m].
+def sure_reach(sensor: SceneSensor, size: float, cell: float = inf) -> float:
+    """Depth up to which what has a least diameter is surely measured [m].
 
-    In the worst case its middle is at the corner of four zones, and a quarter of its
-    disc is in each.
+    It fills its share of a zone: in the worst case its middle is at the corner of four
+    zones, and a quarter of its disc is in each. Of points one is on it, and their rays
+    are as dense as cells.
 
     Args:
         sensor: The sensor.
         size: The diameter [m].
+        cell: Edge of a cell of the map [m].
     """
+    if sensor.form == "points":
+        return min(size / sqrt(2.0), cell) / sensor.spacing
+    if sensor.form == "beam":
+        return beam_reach(0.5 * size, sensor.fill) / tan(0.5 * sensor.view[0])
     widest = 1.0 / min(sensor.focal)
     filled = size * sqrt(pi / (16.0 * sensor.fill))
     return filled / widest if widest > 0.0 else inf
+
+
+def beam_reach(radius: float, fill: float) -> float:
+    """Radius of a beam up to which a disc that reaches its middle part fills its share.
+
+    Args:
+        radius: Radius of the disc [m].
+        fill: The share [-].
+
+    Returns:
+        The radius, 0 if no disc beside the middle part fills so much [m].
+    """
+    widths = np.linspace(0.0, 4.0 * radius, 4001)[1:]
+    seen = [shared(w, radius, INNER * w + radius) >= fill * pi * w * w for w in widths]
+    count = len(seen) if all(seen) else int(np.argmin(seen))
+    return float(widths[count - 1]) if count else 0.0
+
+
+def shared(a: float, b: float, apart: float) -> float:
+    """Area that two discs have in common [m²].
+
+    Args:
+        a: Radius of one [m].
+        b: Radius of the other one [m].
+        apart: Distance of their middles [m].
+    """
+    if apart >= a + b:
+        return 0.0
+    if apart <= abs(a - b):
+        return pi * min(a, b) ** 2
+    x = (apart * apart + a * a - b * b) / (2.0 * apart)
+    y = sqrt(max(a * a - x * x, 0.0))
+    return float(a * a * atan2(y, x) + b * b * atan2(y, apart - x) - apart * y)

@@ -20,7 +20,7 @@ Motion = Callable[[float], Floats]
 
 # Distances, status and stamp of a frame; None if it is lost.
 Sent = tuple[Any, Any, Any] | None
-Tamper = Callable[[str, float, Floats, NDArray[np.int64], float], Sent]
+Tamper = Callable[[str, float, Floats, Any, float], Sent]
 
 # Time between joint positions, and from a stamp until the frame is there [s].
 STEP, TRANSPORT = 0.004, 0.01
@@ -111,10 +111,7 @@ def drive(
             if sent is None or stamp <= sense.health[name].stamp:
                 continue
             distance, status, stamp = sent
-            if sensor.image:
-                sense.depth(name, distance, stamp)
-            else:
-                sense.zones(name, distance, status, stamp)
+            sense.frame(name, distance, status, stamp)
             if each is not None:
                 each(t, name)
 

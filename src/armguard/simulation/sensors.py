@@ -36,15 +36,17 @@ AWAY = (0.0, 0.0, -50.0)
 
 
 class Reading(NamedTuple):
-    """A frame of a simulated sensor, by rows and columns.
+    """A frame of a simulated sensor.
 
     Attributes:
-        distance: Distances [m].
-        status: Status of each, by the codes of the kind.
+        distance: Distances by rows and columns, points, or one distance, by the form of
+            the sensor's frames [m].
+        status: Status of each distance, by the codes of the kind; None of points and of
+            one distance.
     """
 
     distance: Floats
-    status: Ints
+    status: Ints | None
 
 
 class Rig:
@@ -164,6 +166,10 @@ class Rig:
             q: Joint positions when it is measured, shape (n,) [rad or m].
         """
         sensor, rays = self._scene.sensors[name], self._ways[name]
+        if sensor.form == "points":
+            return Reading(self._points(sensor, rays, q), None)
+        if sensor.form == "beam":
+            return Reading(np.array(self._beam(sensor, rays, q)), None)
         columns, rows = sensor.zones
         depth = self.look(name, q, rays.reshape(-1, 3)).reshape(rows, columns, -1)
         depth = np.sort(depth, axis=2)
@@ -175,11 +181,9 @@ class Rig:
             near = part[:, :, 0]
             merges = (found > near + 0.05) & (found < near + sensor.merge)
             found = np.where(merges, part.mean(axis=2), found)
-        a, b, c = sensor.noise
         seen = (found >= sensor.range[0]) & (found <= sensor.range[1])
         within = np.where(seen, found, 0.0)
-        noise = a + b * within + c * within * within
-        value = within + noise * self._rng.standard_normal(found.shape)
+        value = self._noisy(sensor, within)
         if sensor.image:
             return Reading(np.where(seen, value, 0.0), np.zeros((rows, columns), int))
         codes = sensor.codes
@@ -191,6 +195,31 @@ class Rig:
         value = np.where(seen & ~broken, value, held)
         self._held[name] = value
         return Reading(value, status)
+
+    def _noisy(self, sensor: SceneSensor, distance: Floats) -> Floats:
+        """Distances with the noise of a sensor [m]."""
+        a, b, c = sensor.noise
+        noise = a + b * distance + c * distance * distance
+        return distance + noise * self._rng.standard_normal(distance.shape)
+
+    def _points(self, sensor: SceneSensor, rays: Floats, q: Floats) -> Floats:
+        """Points of a sensor, NaN without any within its range, shape (n, 3) [m]."""
+        way = self.look(sensor.name, q, rays) / rays[:, 2]
+        seen = (way >= sensor.range[0]) & (way <= sensor.range[1])
+        found = self._noisy(sensor, np.where(seen, way, np.nan))
+        return np.asarray(found[:, None] * rays)
+
+    def _beam(self, sensor: SceneSensor, rays: Floats, q: Floats) -> float:
+        """The distance at which bodies fill their share of a cone [m]."""
+        rays = rays.reshape(-1, 3)
+        rays = rays[rays[:, 2] > np.cos(0.5 * sensor.view[0])]
+        way = np.sort(self.look(sensor.name, q, rays) / rays[:, 2])
+        found = way[max(int(np.ceil(sensor.fill * len(way))), 1) - 1 :][:1]
+        if found[0] > sensor.range[1]:
+            return inf
+        return (
+            float(self._noisy(sensor, found)[0]) if found >= sensor.range[0] else -inf
+        )
 
 
 def add_geom(
@@ -253,7 +282,15 @@ def frame_of(T: Floats) -> dict[str, Floats]:
 
 
 def ways_of(sensor: SceneSensor) -> Floats:
-    """Unit vectors of the rays of a sensor, shape (rows, columns, rays, 3)."""
+    """Unit vectors of the rays of a sensor, shape (rows, columns, rays, 3).
+
+    Those of points are within 45° about the axis, shape (n, 3).
+    """
+    if sensor.form == "points":
+        slope = np.arange(-0.41, 0.41, sensor.spacing)
+        flat = np.stack([*np.meshgrid(slope, slope), np.ones((len(slope),) * 2)], 2)
+        flat = flat.reshape(-1, 3)
+        return np.asarray(flat / np.linalg.norm(flat, axis=1, keepdims=True))
     columns, rows = sensor.zones
     parts = np.zeros(1) if sensor.image else (np.arange(RAYS) + 0.5) / RAYS - 0.5
     u, v = (part.ravel() for part in np.meshgrid(parts, parts))

@@ -1,0 +1,210 @@
+"""Frames fill the map: what links and models explain is left out."""
+
+from math import inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.cells.cell_map import CellMap
+from armguard.guard.monitor import Monitor
+from armguard.sense.frames import BadFrameError, Frame, Intake, Points
+from armguard.sense.history import JointHistory
+from armguard.sense.masking import Masks
+from armguard.sense.missing import MissingObjects
+from armguard.sense.prediction import Mount, Prediction, explained, mount_of, predict
+from armguard.sense.station import Station
+from armguard.sense.view import View
+from armguard.sense.world import Placed, World
+
+Floats = NDArray[np.float64]
+
+# Distance of a point that is in no map: its ray passes cells, and it hits none [m].
+IN_NO_MAP = 1e3
+
+
+class Moment(NamedTuple):
+    """Where a sensor and all primitives were when a frame was measured.
+
+    Attributes:
+        taken: When that was [s].
+        placed: The primitives.
+        mount: The sensor.
+    """
+
+    taken: float
+    placed: Placed
+    mount: Mount
+
+
+class Filling:
+    """Puts frames into a map.
+
+    Attributes:
+        stamp: Time of the newest measurement in the map, minus infinity without any
+            [s].
+        missing: Modelled objects through which sensors look.
+
+    Args:
+        world: The scene.
+        cells: The map.
+        guard: Has the places of objects; None for those of the scene.
+    """
+
+    def __init__(self, world: World, cells: CellMap, guard: Monitor | None) -> None:
+        self._world, self._cells, self._guard = world, cells, guard
+        self._masks, self.missing = Masks(world, cells), MissingObjects(world)
+        self.stamp = -inf
+
+    def moved(self, name: str) -> None:
+        """A sensor has another place, so static objects are masked again for it."""
+        self._masks.forget(name)
+
+    def take(
+        self, station: Station, found: Frame | Points, taken: float,
+        history: JointHistory, since: float,
+    ) -> Intake:  # fmt: skip
+        """Let the map take a frame.
+
+        Args:
+            station: Its sensor.
+            found: The frame.
+            taken: When it was measured [s].
+            history: The joint positions.
+            since: Claims of free space have to be newer, without moving intruders [s].
+
+        Raises:
+            BadFrameError: The joint positions of its time are not known.
+        """
+        if self._guard is not None and self._world.follow(self._guard):
+            self._masks.forget()
+        sensor = station.view.sensor
+        placed = self._world.at(history, taken, sensor.jitter)
+        if placed is None:
+            raise BadFrameError(Intake.NO_POSITIONS)
+        now = Moment(taken, placed, mount_of(sensor, self._world, placed))
+        claimed = taken - sensor.jitter
+        fresh = self._cells.intruder_speed is not None or claimed >= since
+        if isinstance(found, Points):
+            trusted = self._take_points(station, found, now, fresh)
+        else:
+            trusted = self._take_frame(station, found, now, fresh)
+        self.stamp = max(self.stamp, claimed)
+        if trusted:
+            station.freed = claimed
+        if self._cells.intruder_speed is not None:
+            self._cells.expire(self.stamp)
+        return Intake.TAKEN if trusted else Intake.HITS_ONLY
+
+    def clear(self, distance: float, history: JointHistory) -> None:
+        """Pass the cells within a distance of all links: nothing is there.
+
+        Args:
+            distance: The distance [m].
+            history: The joint positions; links are at the newest ones.
+        """
+        now = history.newest
+        placed = self._world.at(history, now, 0.0)
+        if placed is not None:
+            self._masks.pass_about_links(placed, now, distance)
+
+    def withdraw(self, station: Station, history: JointHistory) -> None:
+        """Make space unknown that a sensor has freed, but for what touches a link.
+
+        Args:
+            station: The sensor.
+            history: The joint positions; links are at the newest ones.
+        """
+        sensor = station.view.sensor
+        placed = self._world.at(history, history.newest, sensor.jitter)
+        if placed is None:
+            self._cells.mask(())
+        else:
+            mount = mount_of(sensor, self._world, placed)
+            self._masks.set(station.view, mount, placed, all_links=True)
+        if station.health.misled:
+            self._cells.forget(station.number)
+        else:
+            self._cells.withdraw(station.number)
+        station.freed = -inf
+
+    def _take_frame(
+        self, station: Station, frame: Frame, now: Moment, fresh: bool
+    ) -> bool:
+        """Take zones, an image or a beam; whether it frees space."""
+        view, health, (taken, placed, mount) = station.view, station.health, now
+        prediction = predict(view, mount, placed, self._world)
+        beam = view.sensor.form == "beam"
+        # A beam has one distance, whose bits may well be those of the last one.
+        repeated = not beam and station.tests.repeats(frame.depth, taken)
+        hits = self._hits(view, mount, placed, frame, prediction)
+        station.tests.test(frame, hits, mount, prediction, taken)
+        if not beam:
+            station.align(frame, mount, placed, prediction, taken)
+        trusted = health.trusted and not repeated and fresh
+        if trusted and not beam:
+            self.missing.look(view, frame, prediction, taken)
+        self._mask(view, now)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = mount.R, mount.origin
+        through = view.through(frame)
+        if not trusted:
+            through[:] = np.nan
+        self._cells.depth(
+            hits, T, view.sensor.focal, view.sensor.middle,
+            taken - view.sensor.jitter,
+            reach=view.reach, single=not view.sensor.image,
+            freeing=view.freeing(through), clearing=through,
+            error=self._error(view, mount), source=station.number,
+        )  # fmt: skip
+        return trusted
+
+    def _take_points(
+        self, station: Station, found: Points, now: Moment, fresh: bool
+    ) -> bool:
+        """Take points; whether they free space."""
+        view, mount = station.view, now.mount
+        repeated = station.tests.repeats(found.xyz, now.taken)
+        station.tests.test_points(found, now.taken)
+        trusted = station.health.trusted and not repeated and fresh
+        self._mask(view, now)
+        way = np.linalg.norm(found.xyz, axis=1)
+        past = np.where(found.beyond, view.sensor.range[1], way - view.slack(way))
+        past = np.maximum(past, 0.0) if trusted else np.full(len(way), np.nan)
+        scale = np.where(found.beyond, IN_NO_MAP / way, 1.0)
+        # A body may reach beyond the ray that it meets, but not to the next one along
+        # the diagonal.
+        beside = sqrt(2.0) * view.sensor.spacing * view.reach
+        self._cells.points(
+            scale[:, None] * found.xyz @ mount.R.T + mount.origin,
+            mount.origin, now.taken - view.sensor.jitter,
+            reach=np.minimum(past, view.reach), clearing=past,
+            error=self._error(view, mount) + beside, source=station.number,
+        )  # fmt: skip
+        return trusted
+
+    def _mask(self, view: View, now: Moment) -> None:
+        """Mask links and modelled objects for a frame."""
+        self._masks.pass_links(now.placed, now.taken)
+        self._masks.set(view, now.mount, now.placed)
+
+    @staticmethod
+    def _error(view: View, mount: Mount) -> float:
+        """How far off the claims of a frame may be [m]."""
+        return view.sensor.error + mount.shift + mount.turn * view.reach
+
+    def _hits(
+        self, view: View, mount: Mount, placed: Placed, frame: Frame,
+        prediction: Prediction,
+    ) -> Floats:  # fmt: skip
+        """Depths of a frame that links and modelled objects do not explain [m].
+
+        What is too far to be freed again would stay in the map.
+        """
+        counts = view.clearable(frame.depth, self._cells.cell)
+        if not view.sensor.image:
+            kinds = self._world.kinds
+            known = explained(view, mount, placed, kinds, frame, prediction)
+            # A beam has one distance: what explains a part of it explains all.
+            counts &= ~(known.any() if view.sensor.form == "beam" else known)
+        return np.where(counts, frame.depth, np.nan)

@@ -1,0 +1,85 @@
+"""A sensor with its health and its tests."""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armguard.geometry.pose import Pose
+from armguard.sense.alignment import Alignment
+from armguard.sense.frames import Frame, Points, beam_of, frame_of, points_of
+from armguard.sense.health import Fault, FrameTests, SensorHealth
+from armguard.sense.prediction import Mount, Prediction
+from armguard.sense.view import View
+from armguard.sense.world import Placed, World
+
+Floats = NDArray[np.float64]
+
+# Fits in a row that have to show that a sensor is mounted elsewhere.
+CERTAIN_FITS = 2
+
+
+class Station:
+    """A sensor with its health and its tests.
+
+    Attributes:
+        view: Its view.
+        health: Its health.
+        tests: Tests of its frames.
+        number: Its number in the claims of the map, from 1 on.
+        freed: Time of the newest of its frames that has freed space which was not
+            withdrawn since, minus infinity without any [s].
+
+    Args:
+        number: See above.
+        view: Its view.
+        world: The scene.
+    """
+
+    def __init__(self, number: int, view: View, world: World) -> None:
+        self.number = number
+        self.view, self.health = view, SensorHealth(view.sensor)
+        self.tests = FrameTests(view, self.health)
+        self._world, self.freed = world, -inf
+        self._begin_alignment()
+
+    def _begin_alignment(self) -> None:
+        self._certain = 0
+        self._alignment = Alignment(
+            self.view, self._world.kinds, self._world.model_errors
+        )
+
+    def move(self, pose: Pose) -> None:
+        """Take another pose of the sensor, in its link or in the world."""
+        self.view.sensor = replace(self.view.sensor, pose=pose)
+        self._begin_alignment()
+
+    def read(self, values: ArrayLike, status: ArrayLike | None) -> Frame | Points:
+        """A frame of the sensor.
+
+        Args:
+            values: Its values, by the form of the sensor's frames.
+            status: Status of zones; None for other forms.
+
+        Raises:
+            BadFrameError: It cannot be used.
+        """
+        view = self.view
+        if view.sensor.form == "points":
+            return points_of(view.sensor, values)
+        if view.sensor.form == "beam":
+            return beam_of(view.sensor, view.slopes, view.cone, values)
+        return frame_of(view.sensor, view.slopes, values, status)
+
+    def align(
+        self, frame: Frame, mount: Mount, placed: Placed, prediction: Prediction,
+        now: float,
+    ) -> None:  # fmt: skip
+        """Compare the place of the sensor with its frames; see `Alignment.add`."""
+        made = self._alignment.add(frame, mount, placed, prediction, now)
+        offset = self._alignment.offset
+        if made and offset is not None:
+            self._certain = self._certain + 1 if offset.certain else 0
+        if self._certain >= CERTAIN_FITS:
+            self.health.sign(Fault.MOVED, now, str(offset))
