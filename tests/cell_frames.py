@@ -4,18 +4,24 @@ import numpy as np
 
 from armguard.cells.evidence import settle
 from armguard.cells.grid import packed, unpacked
+from armguard.cells.state import NO_SENSOR
 
 
-def feed(cells, hits, passes, stamp=0.0, error=0.0, sure=None, source=0):
-    """Let a map take a frame of given cells, grids by x, y, z."""
+def show(cells, hits, passes, sure=None):
+    """Let a map look at given cells, grids by x, y, z."""
     look = cells._look
     look.hits[:], look.passes[:] = packed(hits), packed(passes)
     look.sure[:] = look.hits if sure is None else packed(sure)
     touched = np.flatnonzero(look.hits | look.passes)
     look.touched[: len(touched)] = touched
     look.notes["touched"] = len(touched)
+
+
+def feed(cells, hits, passes, stamp=0.0, error=0.0, sure=None):
+    """Let a map take a frame of given cells, grids by x, y, z."""
+    show(cells, hits, passes, sure)
     settle(
-        stamp, error, cells.settles, source,
+        stamp, error, cells.settles, NO_SENSOR,
         cells._frame.lines, cells._evidence.lines, cells._claims.lines,
     )  # fmt: skip
 

@@ -17,6 +17,7 @@ from armguard.scene.sensing import (
     ReflexSettings,
     RegionSettings,
     SensingSettings,
+    StartSettings,
     ZoneSettings,
 )
 from armguard.scene.sensors import RingSettings, SensorSettings
@@ -116,7 +117,7 @@ def test_the_schema_has_a_meaning_for_every_setting():
     settings = (CycleSettings, IndexSettings, RobotSettings, ObjectSettings)
     settings = (*settings, SensorSettings, RingSettings, ReflexSettings)
     settings = (*settings, SensingSettings, RegionSettings, IntruderSettings)
-    settings = (*settings, ZoneSettings)
+    settings = (*settings, StartSettings, ZoneSettings)
     for kind in (*settings, ResponseSettings, Grasp, Gripper):
         assert set(meanings(kind)) == {field.name for field in fields(kind)}
     assert SCHEMA["$defs"]["Grasp"]["properties"]["creep"] == {
@@ -159,6 +160,7 @@ def in_words(value):
         ("sensing", SensingSettings),
         ("sensing.region", RegionSettings),
         ("sensing.intruder", IntruderSettings),
+        ("sensing.start", StartSettings),
         ("sensing.zones.NAME", ZoneSettings),
     ],
 )

@@ -102,7 +102,7 @@ def test_the_command_names_faults_with_their_times(tmp_path):
     # The last frame is of 0.96 s; two periods, delay and jitter are 0.12 s.
     assert fault["from"] == pytest.approx(1.09, abs=0.011)
     assert answer["sensors"]["top"]["frames"] == 25
-    # What a silent sensor has freed is forgotten.
-    assert answer["known_free"] == 0
+    # What a silent sensor has freed is forgotten, but for the insides of links.
+    assert 0 < answer["known_free"] < 10_000
     shown = CliRunner().invoke(app, command)
     assert "top: SILENT: it sends no frames" in shown.stdout

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import armguard as ag
+from armguard.geometry.pairs import measure
+from armguard.geometry.shapes.kind import ShapeKind
 from armguard.guard import Level, Reason
 from armguard.sense.health import Fault
 from armguard.simulation.sensed import drive, sensed_bay
@@ -84,3 +86,42 @@ def test_where_unknown_space_is_free_a_silent_sensor_makes_all_cells_old():
 
     assert verdict(0.0, SECONDS).level < Level.STOP
     assert verdict(SECONDS, SECONDS + 1.2, lost=("near",)).reason is Reason.CELLS_STALE
+
+
+def test_space_about_the_arms_may_be_known_free_at_the_start():
+    clear = 0.15
+    scene = sensed_bay(zones=False)
+    region = {"centre": (-0.4, 0, 1.1), "size": 128}
+    scene.set_sensing(
+        region=region, cell=0.025, unknown="still",
+        intruder={"speed": 1.6, "size": 0.05},
+        start={"clear": clear, "reason": "a person looked"},
+    )  # fmt: skip
+    guard = ag.Guard(scene, self_test=False)
+    sense = ag.Sense(scene, guard)
+    sense.joints(scene.home, 0.0)
+    guard.step(scene.home, 0.0, velocity=np.zeros(len(scene.home)))
+    free = sense.cells.known_free()
+    beside = np.zeros_like(free)
+    beside[1:] = free[:-1] & ~free[1:]
+    inner, outer = (ways_to_links(guard, sense.cells, grid) for grid in (free, beside))
+    # All cells that are wholly within the distance, and no others.
+    assert clear - 0.03 < inner.max() <= clear
+    assert outer.min() > clear - 0.5 * np.sqrt(3) * 0.025 - 0.012
+
+
+def ways_to_links(guard, cells, grid):
+    """Distances of some cells to the nearest link."""
+    middles = cells.middles(np.argwhere(grid))
+    assert len(middles) > 1000
+    world, ball, out = guard._workspace.world, np.zeros(16), np.zeros(10)
+    found = []
+    for point in np.random.default_rng(1).choice(middles, 1000, replace=False):
+        ball[1:4] = point
+        ways = []
+        for i in range(guard.tables.moving_count):
+            kind = int(world.kinds[i])
+            measure(int(ShapeKind.SPHERE), ball, kind, world.rows[i], out)
+            ways.append(out[0])
+        found.append(min(ways))
+    return np.array(found)

@@ -48,6 +48,7 @@ from armguard.scene.sensing import (
     RegionSettings,
     SceneSensing,
     SceneZone,
+    StartSettings,
 )
 from armguard.scene.settings import CubeSettings, IndexSettings, ResponseSettings
 
@@ -59,7 +60,7 @@ PARTS: dict[str, type] = {
         DisabledPair, FittedLink, Grasp, Gripper, IndexSettings, IntruderSettings,
         Joint, Link, MeshFile, Mimic, PlacedShape, Pose, RegionSettings,
         ResponseSettings, RobotModel, SceneObject, SceneRobot, SceneSensing, SceneZone,
-        StopTable, StoppingFigures, Surface,
+        StartSettings, StopTable, StoppingFigures, Surface,
     )
 }  # fmt: skip
 # Links have elements of the same name.

@@ -102,6 +102,7 @@ class SensorHealth:
         past: The last faults that are over.
         intakes: How many of its frames became what.
         stamp: Stamp of its last usable frame, minus infinity without any [s].
+        silent: Whether frames are missing; the fault lasts longer.
     """
 
     sensor: SceneSensor
@@ -109,6 +110,7 @@ class SensorHealth:
     past: deque[FoundFault] = field(default_factory=lambda: deque(maxlen=PAST))
     intakes: Counter[Intake] = field(default_factory=Counter)
     stamp: float = -np.inf
+    silent: bool = False
 
     def __str__(self) -> str:
         """Its state in words."""
@@ -120,11 +122,6 @@ class SensorHealth:
     def trusted(self) -> bool:
         """Whether its frames free space: none of its faults concerns distances."""
         return not set(self.faults) - {Fault.LATE, Fault.SILENT}
-
-    @property
-    def silent(self) -> bool:
-        """Whether it sends no frames."""
-        return Fault.SILENT in self.faults
 
     @property
     def misled(self) -> bool:
@@ -160,7 +157,8 @@ class SensorHealth:
         """
         sensor = self.sensor
         wait = SILENT_PERIODS * sensor.period + sensor.delay + sensor.jitter
-        if now - max(self.stamp, start) > wait:
+        self.silent = now - max(self.stamp, start) > wait
+        if self.silent:
             self.sign(Fault.SILENT, now)
         self.heal(now)
 

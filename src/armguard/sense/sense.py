@@ -318,7 +318,7 @@ class Sense:
             raise BadFrameError(Intake.STAMP_BACK)
         if given > now + AHEAD and isfinite(now):
             raise BadFrameError(Intake.STAMP_AHEAD)
-        health.stamp = given
+        health.stamp, health.silent = given, False
         if now - given > sensor.period + sensor.jitter:
             health.sign(Fault.LATE, now, f"{(now - given) * 1e3:.0f} ms")
         return given - sensor.delay

@@ -48,7 +48,7 @@ def random_state(rng, guard):
 
 
 def near_cells(rng, guard, q, count, apart):
-    """Places of cells around the links; no two of them in a word, if apart."""
+    """Places of cells around the links; no two of them in a cube of `apart` cells."""
     guard.judge_at_rest(q)
     rows = guard._workspace.world.rows[: guard.tables.moving_count]
     found = {}
@@ -58,7 +58,7 @@ def near_cells(rng, guard, q, count, apart):
         cell = np.clip(cell, 0, SIZE - 1)
         if middle(cell)[2] < CLAIMED:
             continue
-        key = tuple(cell // 4) if apart else tuple(cell)
+        key = tuple(cell // apart)
         found.setdefault(key, tuple(cell))
     return list(found.values())
 
@@ -74,10 +74,11 @@ def guards():
     return sensed_guard(budget=1 << 20), boxed_guard(COUNT)
 
 
-def compared(guards, rng, apart):
+def compared(guards, rng, apart, speed=1.0):
     """Verdicts of both guards on one random state."""
     sensed, boxed = guards
     q, v = random_state(rng, sensed)
+    v *= speed
     cells = near_cells(rng, sensed, q, COUNT, apart)
     occupied = grid()
     for k, cell in enumerate(cells):
@@ -93,7 +94,7 @@ def compared(guards, rng, apart):
 def test_cells_alone_in_their_words_are_judged_as_boxes(guards):
     rng, near, stops = np.random.default_rng(1), 0, 0
     for _ in range(STATES):
-        ours, theirs = compared(guards, rng, apart=True)
+        ours, theirs = compared(guards, rng, apart=4)
         names = {f"cell{k}" for k in range(COUNT)}
         mine, other = (headrooms(ours, {"something sensed"}), headrooms(theirs, names))
         if len(ours.near) < 40:
@@ -106,10 +107,21 @@ def test_cells_alone_in_their_words_are_judged_as_boxes(guards):
     assert 0.2 * STATES < stops < 0.98 * STATES
 
 
+def test_an_arm_at_rest_is_blocked_by_cells_and_not_by_their_word(guards):
+    rng, blocked, coarse = np.random.default_rng(3), 0, 0
+    for _ in range(STATES):
+        ours, theirs = compared(guards, rng, apart=2, speed=0.0)
+        if len(ours.near) < 40:
+            assert (ours.level >= Level.STOP) == (theirs.level >= Level.STOP)
+            blocked += ours.level >= Level.STOP
+            coarse += ours.level < Level.STOP
+    assert blocked > 0.1 * STATES < coarse
+
+
 def test_cells_that_share_words_are_judged_as_safely(guards):
     rng, near = np.random.default_rng(2), 0
     for _ in range(STATES):
-        ours, theirs = compared(guards, rng, apart=False)
+        ours, theirs = compared(guards, rng, apart=1)
         names = {f"cell{k}" for k in range(COUNT)}
         mine = headrooms(ours, {"something sensed"})
         assert mine <= headrooms(theirs, names) + ROUND_OFF
