@@ -15,8 +15,9 @@ from armguard.sense.view import View
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# A fault is over after this time without a sign of it [s].
-HEALS = 1.0
+# A fault is over after this time without a sign of it [s]: of faults that motion shows,
+# and of others, which each frame shows.
+HEALS, HEALS_SOON = 1.0, 0.5
 
 # Faults that are over and kept.
 PAST = 64
@@ -58,6 +59,9 @@ class Fault(WithSentence):
     DIRTY = 8, "zones see the same near distance wherever it is; clean it"
     MOVED = 9, "it is mounted elsewhere than the scene says"
 
+
+# Faults that only show while a sensor, or what it sees, moves.
+BY_MOTION = frozenset((Fault.STUCK, Fault.DIRTY, Fault.MOVED))
 
 # Intakes that are signs of a fault.
 SIGNS = {
@@ -129,7 +133,7 @@ class SensorHealth:
 
         Frames of other faults free nothing. These are found in motion alone.
         """
-        return not {Fault.STUCK, Fault.DIRTY, Fault.MOVED}.isdisjoint(self.faults)
+        return not BY_MOTION.isdisjoint(self.faults)
 
     def sign(self, fault: Fault, now: float, detail: str = "") -> None:
         """A sign of a fault.
@@ -145,7 +149,7 @@ class SensorHealth:
     def heal(self, now: float) -> None:
         """End the faults without a sign for some time."""
         for fault, found in list(self.faults.items()):
-            if now - found.seen > HEALS:
+            if now - found.seen > (HEALS if fault in BY_MOTION else HEALS_SOON):
                 self.past.append(self.faults.pop(fault))
 
     def listen(self, now: float, start: float) -> None:

@@ -1,0 +1,191 @@
+"""Arms under two cameras, of which one is blindfolded for a while.
+
+Part of `make sense-campaign`. Each camera looks at one arm of the bay. An operator
+moves both arms to and fro through the filter; after a stop he lets go and tries again. The
+same motion without a blindfold is what the others are compared with.
+"""
+
+import heapq
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import armguard as ag
+from armguard.simulation.sensed import STEP, TRANSPORT, sensed_bay
+from armguard.simulation.sensors import Rig
+
+Floats = NDArray[np.float64]
+
+# Times of a run: of the blindfold, and of its end; and where speeds are compared [s].
+SETTLED, BLIND, SEES, END = 1.0, 4.0, 7.0, 11.0
+WHILE, AFTER = (BLIND + 0.5, SEES), (SEES + 1.5, END)
+
+# Desired speed [rad/s], and cycles after which the operator of an arm that does not
+# move lets go, and those until he tries again.
+SPEED, LETS_GO = 0.2, 10
+
+# How the camera fails: all of its distances are invalid, or it sends no frames.
+KINDS = ("dark", "silent")
+
+ARMS, BLINDED = ("left", "right"), "over_right"
+
+
+def two_cameras() -> ag.Scene:
+    """The bay with a camera above each arm."""
+    scene = sensed_bay(zones=False, camera=False)
+    scene.set_sensing(
+        region={"centre": (-0.4, 0, 1.1), "size": 128}, cell=0.025, unknown="still",
+        intruder={"speed": 1.6, "size": 0.05},
+        start={"clear": 0.2, "reason": "the operator has looked"},
+    )  # fmt: skip
+    for name, y in (("over_left", 0.7), (BLINDED, -0.7)):
+        scene.add_sensor(
+            name, kind="depth", size=(160, 120), focal=100, range=(0.3, 3.0),
+            pose=ag.Pose(xyz=(-0.4, y, 2.3), rpy=(np.pi, 0, 0)),
+        )  # fmt: skip
+    return scene
+
+
+class Run:
+    """One run; shares of the desired speed by time, and the travel while blind.
+
+    Args:
+        kind: One of `KINDS`; None for no blindfold.
+        seed: Seed of the motion.
+    """
+
+    def __init__(self, kind: str | None, seed: int) -> None:
+        self._kind, self._scene = kind, two_cameras()
+        self._guard = ag.Guard(self._scene, self_test=False)
+        self._sense = ag.Sense(self._scene, self._guard)
+        self._rig, self._rng = Rig(self._scene, seed=seed), np.random.default_rng(seed)
+        self._past: deque[tuple[float, Floats]] = deque(maxlen=60)
+        self._due = [
+            (sensor.period * (0.3 + 0.61 * k), name)
+            for k, (name, sensor) in enumerate(self._scene.sensors.items())
+        ]
+        names = self._guard.q_names
+        self._own = [np.array([n.startswith(arm) for n in names]) for arm in ARMS]
+        self.times, self.shares = self._drive()
+
+    def _drive(self) -> tuple[Floats, Floats]:
+        q, v = self._scene.home.copy(), np.zeros(len(self._scene.home))
+        phase = self._rng.uniform(0.0, 6.3, len(q))
+        wait, still = [0, 0], [0, 0]
+        times, shares = [], []
+        for k in range(round(END / STEP)):
+            t = (k + 1) * STEP
+            self._past.append((t, q.copy()))
+            self._sense.joints(q, t)
+            self._see(t)
+            wanted = SPEED * np.cos(1.3 * t + phase) * (t > SETTLED)
+            given = wanted.copy()
+            for arm, own in enumerate(self._own):
+                given[own] *= wait[arm] == 0
+                wait[arm] = max(wait[arm] - 1, 0)
+            command = self._guard.filter(q, given, t, velocity=v)
+            v = command.velocity.copy()
+            q = q + STEP * v
+            share = [float(np.abs(v[own]).sum()) for own in self._own]
+            for arm, own in enumerate(self._own):
+                stopped = share[arm] < 0.05 * np.abs(given[own]).sum()
+                still[arm] = still[arm] + 1 if stopped else 0
+                if still[arm] > LETS_GO:
+                    wait[arm], still[arm] = LETS_GO, 0
+            times.append(t)
+            shares.append([*share, *(np.abs(wanted[own]).sum() for own in self._own)])
+        return np.array(times), np.array(shares)
+
+    def _see(self, t: float) -> None:
+        """Send the frames that are due."""
+        while self._due[0][0] + TRANSPORT + self._delay(self._due[0][1]) <= t:
+            measured, name = heapq.heappop(self._due)
+            period = self._scene.sensors[name].period
+            heapq.heappush(self._due, (measured + period, name))
+            _, q = min(self._past, key=lambda past: abs(past[0] - measured))
+            distance = self._rig.read(name, q).distance
+            fails = name == BLINDED and BLIND < measured <= SEES
+            if fails and self._kind == "silent":
+                continue
+            if fails and self._kind == "dark":
+                distance = np.full_like(distance, np.nan)
+            self._sense.depth(name, distance, measured + self._delay(name))
+
+    def _delay(self, name: str) -> float:
+        return self._scene.sensors[name].delay
+
+    def share(self, arm: int, first: float, last: float) -> float:
+        """Share of the desired way of an arm between two times [-]."""
+        chosen = (self.times > first) & (self.times <= last)
+        done, wanted = self.shares[chosen][:, [arm, arm + 2]].sum(axis=0)
+        return float(done / wanted)
+
+    def back(self) -> float:
+        """Time after the blindfold until the right arm has half of its speed [s]."""
+        moves = self.shares[:, 1] > 0.5 * self.shares[:, 3]
+        again = self.times[moves & (self.times > SEES)]
+        return float(again[0] - SEES) if len(again) else np.inf
+
+    def way(self) -> float:
+        """Way of the right arm from half a second after the blindfold on [rad]."""
+        chosen = (self.times > WHILE[0]) & (self.times <= WHILE[1])
+        return float(STEP * self.shares[chosen, 1].sum())
+
+
+def measure(runs: int) -> list[dict[str, Any]]:
+    """A row for each way to fail.
+
+    Args:
+        runs: Runs of each, with motions of their own.
+    """
+    free = [Run(None, seed) for seed in range(runs)]
+    rows = []
+    for kind in KINDS:
+        blind = [Run(kind, seed) for seed in range(runs)]
+        row: dict[str, Any] = {"kind": kind, "runs": runs}
+        for arm, name in enumerate(ARMS):
+            for part, (first, last) in {"while": WHILE, "after": AFTER}.items():
+                shares = [
+                    [one.share(arm, first, last) for one in s] for s in (blind, free)
+                ]
+                mine, other = np.mean(shares, axis=1)
+                row[f"{name}_{part}"] = float(mine / other)
+        row["way"] = max(one.way() for one in blind)
+        row["back"] = [one.back() for one in blind]
+        rows.append(row)
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """The rows as a table of the page."""
+    lines = [
+        "| share of the desired way | left arm, other camera | right arm |",
+        "| --- | --- | --- |",
+    ]
+    for row in rows:
+        name, runs = row["kind"], row["runs"]
+        for part, words in {"while": "", "after": ", from 1.5 s after on"}.items():
+            mine = [f"{row[f'{arm}_{part}_blind']:.3f}" for arm in ARMS]
+            other = [f"{row[f'{arm}_{part}_free']:.3f}" for arm in ARMS]
+            lines.append(
+                f"| right camera {name}, {runs} runs{words} | {mine[0]}, without "
+                f"blindfold {other[0]} | {mine[1]}, {other[1]} |"
+            )
+    ways = max(row["way"] for row in rows)
+    back = [
+        f"{row['kind']} {np.median(row['back']):.2f}, {max(row['back']):.2f}"
+        for row in rows
+    ]
+    lines += [
+        "",
+        f"From 0.5 s after the blindfold on the right arm moves by at most {ways:.4f} "
+        f"rad. Time until it has half of its speed again, median and longest [s]: "
+        f"{'; '.join(back)}.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    print(table(measure(2)))
