@@ -13,11 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.cells.cell_map import CellMap
 from armguard.cells.deltas import Delta
-from armguard.errors import SceneError
 from armguard.guard.monitor import Monitor
 from armguard.record import Records
 from armguard.scene.scene import Scene
-from armguard.scene.sensing import SceneSensing
 from armguard.sense.alignment import Alignment
 from armguard.sense.frames import BadFrameError, Frame, Intake, frame_of
 from armguard.sense.frames_file import (
@@ -33,7 +31,7 @@ from armguard.sense.masking import Masks
 from armguard.sense.missing import MissingObjects
 from armguard.sense.prediction import Mount, Prediction, explained, mount_of, predict
 from armguard.sense.view import View
-from armguard.sense.world import Placed, World
+from armguard.sense.world import Placed, World, sensed_space
 
 Floats = NDArray[np.float64]
 
@@ -171,13 +169,27 @@ class Sense:
         """
         return self._take(name, False, distance, status, stamp)
 
-    def deltas(self, most: int = MOST_DELTAS) -> Records[Delta]:
+    @property
+    def sent(self) -> float:
+        """When all claims held, with the changes taken so far [s]."""
+        return self._sent
+
+    def changes(self, most: int = MOST_DELTAS) -> Records[Delta]:
         """Changes of the map since they were last taken, see `CellMap.take_deltas`.
+
+        With moving intruders the map forgets what they may have reached, so all of its
+        claims hold at the newest frame. Else they hold since the oldest of the newest
+        frames of all sensors that have freed space. Changes that wait keep `sent` back.
 
         Args:
             most: Greatest count of changes.
         """
-        return self.cells.take_deltas(most)
+        freed = [one.freed for one in self._stations.values() if one.freed > -inf]
+        changes = self.cells.take_deltas(most)
+        if freed and len(changes) < most:
+            holds = min(freed) if self.cells.intruder_speed is None else self._stamp
+            self._sent = max(self._sent, holds)
+        return changes
 
     def _take(
         self, name: str, image: bool, values: ArrayLike, status: ArrayLike | None,
@@ -318,20 +330,11 @@ class Sense:
             self._masks.forget()
 
     def _update_guard(self) -> None:
-        """Let the guard take a bounded number of changes.
-
-        With moving intruders the map forgets what they may have reached, so all of its
-        claims hold at the newest frame. Else they hold since the oldest of the newest
-        frames of all sensors that have freed space.
-        """
-        freed = [one.freed for one in self._stations.values() if one.freed > -inf]
-        if self._guard is None or not freed:
-            return
-        holds = min(freed) if self.cells.intruder_speed is None else self._stamp
-        changes = self.deltas()
-        if len(changes) < MOST_DELTAS:
-            self._sent = max(self._sent, holds)
-        self._guard.update_cells(changes, self._sent)
+        """Let the guard take a bounded number of changes."""
+        freed = any(one.freed > -inf for one in self._stations.values())
+        if self._guard is not None and freed:
+            changes = self.changes()
+            self._guard.update_cells(changes, self._sent)
 
     def _counted(self, intake: Intake) -> Intake:
         self.intakes[intake] += 1
@@ -378,23 +381,3 @@ def number_of(stamp: object) -> float:
         return float(stamp)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         return nan
-
-
-def sensed_space(scene: Scene) -> SceneSensing:
-    """The sensed space of a scene with sensors.
-
-    Raises:
-        SceneError: It has none, or no sensors.
-    """
-    if not scene.sensors:
-        raise SceneError(
-            "the scene has no sensors; declare some, as in `sensors: {top: {kind: "
-            "depth, focal: 615, at: {xyz: [0.4, 0, 1.5], rpy: [3.14, 0, 0]}}}`"
-        )
-    if scene.sensing is None:
-        raise SceneError(
-            "the scene has sensors and does not declare the space that they see; add "
-            "`sensing: {region: {centre: [0, 0, 0.5]}, unknown: still, intruder: "
-            "{speed: 1.6, size: 0.05}}`, see docs/sense.md"
-        )
-    return scene.sensing
