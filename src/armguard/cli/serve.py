@@ -94,6 +94,10 @@ class Options:
     sense: Annotated[
         bool, Option(help="Start the map's process as well: sensors of the scene.")
     ] = False
+    simulated_sensors: Annotated[
+        bool,
+        Option(help="Start the map, and simulated sensors that see unknown boxes."),
+    ] = False
     view: Annotated[bool, Option(help="Start the live view as well.")] = False
     realtime: Annotated[bool, Option(help="Request real-time scheduling.")] = False
     lock_memory: Annotated[
@@ -142,8 +146,10 @@ class Options:
             found["metrics"] = ("--port", str(self.metrics))
         if self.zenoh:
             found["zenoh"] = ("--companion", *keyed)
-        if self.sense:
+        if self.sense or self.simulated_sensors:
             found["sense"] = (self.scene, *keyed)
+        if self.simulated_sensors:
+            found["rig"] = (self.scene, *keyed)
         if self.view:
             found["view"] = keyed
         return found
@@ -174,7 +180,7 @@ def serve(options: Options) -> None:
         )
     if settings.reflex is None and scene.reflex is not None:
         settings = replace(settings, reflex=Path(file).parent / scene.reflex.file)
-    if options.sense:
+    if options.sense or options.simulated_sensors:
         sensed_space(scene)
     compile_kernels({robot.mode for robot in scene.robots.values()} != {"fixed"})
     handle_signals(end_now)

@@ -37,7 +37,7 @@ def test_frames_and_messages_are_counted_and_faults_are_bits(sense):
     head = HEALTH.unpack_from(first)
     assert (head.taken, head.dropped, head.port) == (1, 7 + 2, 4711)
     assert (head.first, head.rows, head.sensors) == (0, MOST_ROWS, 64)
-    assert HEALTH.unpack_from(second)[-3:] == (MOST_ROWS, 1, 64)
+    assert HEALTH.unpack_from(second)[-3:] == (MOST_ROWS, 64 - MOST_ROWS, 64)
     left, other, *rest = SENSOR.rows(first[HEALTH.size :])
     assert (left.taken, left.dropped, left.stamp) == (1, 1, 0.1)
     assert left.faults == 1 << Fault.STAMP_BACK and not left.frees

@@ -164,7 +164,7 @@ def test_frames_that_cannot_be_are_refused_by_the_client(running):
 
 
 def test_noise_and_a_flood_on_its_port_change_nothing(running):
-    port, rng = running.camera._map[0], np.random.default_rng(5)
+    port, rng = running.camera.frames_port, np.random.default_rng(5)
     before = running.camera.health
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         for k in range(20_000):

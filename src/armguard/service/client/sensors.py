@@ -2,6 +2,7 @@
 
 import socket
 import time
+from contextlib import suppress
 from math import ceil
 from pathlib import Path
 from reprlib import repr as brief
@@ -77,6 +78,11 @@ class SensorClient(Client):
         return self._map is not None and time.monotonic() - self._map[1] < GONE
 
     @property
+    def frames_port(self) -> int:
+        """Port that the map takes frames on; 0 before one has reported."""
+        return 0 if self._map is None else self._map[0]
+
+    @property
     def health(self) -> dict[str, str]:
         """State of each sensor in words, by name; empty without a map."""
         if self._welcome is None or not self.maps:
@@ -148,7 +154,9 @@ class SensorClient(Client):
                 message = outbox.message(
                     Kind.FRAME, FRAME.pack(sensor, part, *head), bytes(some)
                 )
-                one.sendto(message, address)
+                with suppress(OSError):
+                    # A frame without a part is dropped by the map.
+                    one.sendto(message, address)
                 sent += len(message)
                 if sent >= BURST:
                     time.sleep(PAUSE)

@@ -6,6 +6,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from armguard.cells.deltas import Delta
+from armguard.record import records
 from armguard.sense import Sense
 from armguard.service.wire.sensing import (
     CELLS,
@@ -16,6 +20,10 @@ from armguard.service.wire.sensing import (
 
 # Periods from changes to further ones: a cycle may be half a period late [-].
 PACE = 1.5
+
+# While nothing changes, so many words with occupied cells are sent again, and how often
+# [s]: readers of the recording that began later get them all in time.
+REPEATED, REPEATS = 64, 0.2
 
 # What was not taken for so long is sent again [s].
 AGAIN = 0.03
@@ -43,7 +51,8 @@ class Delivery:
         self._number = self._taken = 0
         # Messages that are not taken yet, oldest first, and when they were sent.
         self._open: deque[bytes] = deque()
-        self._at = 0.0
+        self._at = self._repeated_at = 0.0
+        self._next_word = 0
         self._stamp = sense.sent
 
     def take(self, taken: CellsTaken) -> bool:
@@ -69,6 +78,8 @@ class Delivery:
         before = self._sense.sent
         changes: Any = self._sense.changes(MOST_IN_A_CYCLE)
         stamp = self._sense.sent
+        if not len(changes) and now - self._repeated_at >= REPEATS:
+            self._repeated_at, changes = now, self._again()
         if not len(changes) and stamp == self._stamp:
             return
         self._at, self._stamp = now, stamp
@@ -80,3 +91,17 @@ class Delivery:
             self._open.append(head + some.tobytes())
         for one in self._open:
             self._send(one)
+
+    def _again(self) -> Any:
+        """Some of the words with occupied cells, as they were sent before."""
+        claims = self._sense.cells.claims
+        words = np.flatnonzero(claims.occupied.words)
+        some = words[words >= self._next_word][:REPEATED]
+        self._next_word = int(some[-1]) + 1 if len(some) == REPEATED else 0
+        found: Any = records(len(some), Delta)
+        found["bits"][:, 0] = claims.occupied.words[some]
+        found["bits"][:, 1] = claims.unknown.words[some]
+        for name in ("stamp", "error", "motion"):
+            found[name] = getattr(claims, name)[some]
+        found["word"] = some
+        return found

@@ -22,6 +22,7 @@ MODULES: Mapping[str, tuple[str, ...]] = {
         *("armguard.service.mapping", "--service", "127.0.0.1:{port}"),
         *("--parent", "{pid}"),
     ),
+    "rig": ("armguard.simulation.rig", "--port", "{port}", "--parent", "{pid}"),
     "view": ("armguard.view", "--service", "{port}"),
     "metrics": ("armguard.bridges.prometheus", "--ring", "{ring}"),
     "zenoh": ("armguard.bridges.zenoh_bridge", "--port", "{port}"),

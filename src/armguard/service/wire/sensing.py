@@ -20,7 +20,7 @@ from armguard.service.wire.layout import (
 
 TwoWords = Annotated[bytes, "(2,)<u8"]
 I32 = Annotated[int, "<i4"]
-Words = Annotated[bytes, "(96,)u1"]
+Words = Annotated[bytes, "(160,)u1"]
 
 
 class FramePart(NamedTuple):
