@@ -1,8 +1,8 @@
 """Arms under two cameras, of which one is blindfolded for a while.
 
 Part of `make sense-campaign`. Each camera looks at one arm of the bay. An operator
-moves both arms to and fro through the filter; after a stop he lets go and tries again. The
-same motion without a blindfold is what the others are compared with.
+moves both arms to and fro through the filter; after a stop he lets go and tries again.
+The same motion without a blindfold is what the others are compared with.
 """
 
 import heapq

@@ -254,7 +254,7 @@ static inline int armguard_open(struct armguard *guard, int port, const char *ke
     guard->wire = socket(AF_INET, SOCK_DGRAM, 0);
     if (guard->wire < 0 || connect(guard->wire, (struct sockaddr *)&at, sizeof at))
         return armguard_failed(guard, "there is no socket to be had");
-    guard->own.magic = 0x44524741, guard->own.version = 2;
+    guard->own.magic = 0x44524741, guard->own.version = 3;
     guard->own.sender = (uint64_t)start ^ (uint64_t)getpid() << 40;
     memcpy(to, &hello, sizeof hello);
     armguard_say(guard, ARMGUARD_HELLO, sizeof hello);

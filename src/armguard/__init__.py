@@ -79,7 +79,7 @@ if TYPE_CHECKING:
         load_trajectory,
     )
     from armguard.sense import Intake, Sense, SensorHealth
-    from armguard.service.client import Client
+    from armguard.service.client import Client, SensorClient
 
 __version__ = version("armguard")
 
@@ -152,7 +152,7 @@ _ROOMS = {
         "load_trajectory",
     ),
     "armguard.sense": ("Intake", "Sense", "SensorHealth"),
-    "armguard.service.client": ("Client",),
+    "armguard.service.client": ("Client", "SensorClient"),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
@@ -209,6 +209,7 @@ __all__ = [
     "SceneError",
     "SelfTestError",
     "Sense",
+    "SensorClient",
     "SensorHealth",
     "ShapeError",
     "Sphere",

@@ -118,7 +118,7 @@ EVENTS = (
 NO_CALLS = {
     *("step", "filter", "filter_positions", "filter_twists", "stop", "solve_programs"),
     *("q", "judge_at_rest", "check_path", "checker", "checkpoint", "restore"),
-    "knowledge",
+    *("knowledge", "forgetting"),
     *("hold", "take_over", "stand_as", "forget_stops"),
 }
 

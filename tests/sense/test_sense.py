@@ -118,7 +118,7 @@ def test_deltas_make_a_view_equal_to_the_map():
     rig.place(0, ag.Pose(xyz=(-0.5, 0, 1.2)))
     view = ag.CellView(sense.cells.centre, sense.cells.cell, sense.cells.size)
     drive(sense, rig, scene, swing(scene), 1.0)
-    while len(changes := sense.deltas()):
+    while len(changes := sense.changes()):
         assert len(changes) <= 512
         view.apply(changes)
     assert np.array_equal(view.occupied(), sense.cells.occupied())

@@ -49,7 +49,7 @@ def longer_hello(monkeypatch):
 
 
 def test_other_bytes_need_another_version(longer_hello):
-    with pytest.raises(published.PublishedError, match="set it to 3 in layout"):
+    with pytest.raises(published.PublishedError, match="set it to 4 in layout"):
         published.new_page(PAGE)
 
 

@@ -67,7 +67,10 @@ SceneFile = Annotated[
     Path, typer.Argument(help="Scene file of armguard, or planning scene of MoveIt.")
 ]
 SceneName = Annotated[
-    str, typer.Argument(help="Scene file, or a bundled scene: bay, two-pandas.")
+    str,
+    typer.Argument(
+        help="Scene file, or a bundled scene: bay, two-pandas, sensed-table."
+    ),
 ]
 RobotOption = Annotated[
     str | None,

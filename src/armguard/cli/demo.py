@@ -26,6 +26,7 @@ from armguard.cli.console import (
     print_json,
     say,
 )
+from armguard.errors import StationError
 from armguard.guard import Level
 from armguard.guard.events import Event
 from armguard.processes import interrupted
@@ -58,9 +59,15 @@ SAYS = 5.0
 
 def demo(
     scene: Annotated[
-        Literal["bay", "two-pandas"],
-        Option(help="The paper's bay, or two Pandas at a table."),
+        Literal["bay", "two-pandas", "sensed-table"],
+        Option(
+            help="The paper's bay, two Pandas at a table, or the same with sensors."
+        ),
     ] = "bay",
+    sense: Annotated[
+        bool,
+        Option(help="Scene sensed-table: simulated sensors see unknown boxes."),
+    ] = False,
     response: Annotated[
         Literal["deflect", "slow", "stop"],
         Option(help="Response of the arms to near bodies."),
@@ -82,11 +89,15 @@ def demo(
     Service, arms and operator run as separate processes, as with real robots. Exit code
     0 if nothing touched, 1 if there was a contact.
     """
+    scene = "sensed-table" if sense else scene
     say(f"starting a guard, simulated arms and an operator in '{scene}' ...")
     compile_kernels()
     late = permitted_delay(measured_delay())
     stale = STALE + late
-    options = ("--response", response, "--late", str(late), "--stale", str(stale))
+    options = ["--response", response, "--late", str(late), "--stale", str(stale)]
+    if scene == "sensed-table":
+        check_sensors()
+        options.append("--simulated-sensors")
     with interrupted() as ended, Stage(scene, *options, "--no-self-test") as stage:
         stage.start_service()
         tables = compile_scene(
@@ -107,6 +118,18 @@ def demo(
         for line in in_words(answer):
             out.print(line, markup=False)
     raise typer.Exit(answer["exit_code"])
+
+
+def check_sensors() -> None:
+    """Make sure that sensors can be simulated.
+
+    Raises:
+        StationError: MuJoCo is missing.
+    """
+    if find_spec("mujoco") is None:
+        raise StationError(
+            "sensors are simulated by MuJoCo; install it: pip install 'armguard[mjcf]'"
+        )
 
 
 def measured_delay() -> float:

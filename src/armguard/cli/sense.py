@@ -1,4 +1,4 @@
-"""`armguard sense`: play frames of sensors again, and name their faults."""
+"""`armguard sense`: the map as a process, or frames of sensors played again."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,6 +19,7 @@ from armguard.cli.console import (
 from armguard.recording.sensor_files import sensor_source
 from armguard.scene import load_scene
 from armguard.sense import Sense, SensorHealth
+from armguard.service.mapping.__main__ import fill_map
 
 # Exit code if a sensor was at fault, or an object is missing.
 AT_FAULT = 1
@@ -27,25 +28,45 @@ AT_FAULT = 1
 def sense(
     scene: SceneFile,
     play: Annotated[
-        list[Path],
+        list[Path] | None,
         Option(
             help="File of joint positions and frames: ours, a bag of ROS, a cloud, a "
             "folder of clouds or depth images; a tree of OctoMap (.bt) is a start of "
             "the map. Repeat it for several, which are played in order."
         ),
-    ],
+    ] = None,
     topic: Annotated[
         list[str] | None,
         Option(help="Sensor of a topic of a bag, as SENSOR=/topic; repeat it."),
     ] = None,
+    service: Annotated[
+        str | None,
+        Option(help="HOST:PORT of a service on this machine, whose map is filled."),
+    ] = None,
+    record: Annotated[
+        Path | None, Option(help="With --service: file for positions and frames.")
+    ] = None,
+    port: Annotated[
+        int, Option(help="With --service: UDP port for frames; 0 for a free one.")
+    ] = 0,
+    key_file: Annotated[
+        Path | None, Option(help="With --service: file with the service's keys.")
+    ] = None,
     robot: RobotOption = None,
     json: Json = False,
 ) -> None:
-    """Let sensors fill the map by frames from a file, and name their faults.
+    """Let sensors fill the map of a service, or play their frames from a file.
 
-    Exit codes: 0 all sensors were in order, 1 a sensor was at fault or a modelled
-    object is missing, 2 the file cannot be read.
+    With --service it runs until it is ended. Exit codes: 0 all sensors were in order,
+    1 a sensor was at fault or a modelled object is missing, 2 the file cannot be read,
+    or the service has another scene.
     """
+    if (play is None) == (service is None):
+        raise typer.BadParameter("give either --play FILE or --service HOST:PORT")
+    if play is None:
+        assert service is not None
+        fill_map(str(scene), service, port, record, key_file)
+        return
     with loading_bar() as progress:
         loaded = load_scene(scene, robot=robot, progress=progress)
     sensed, events, notes = Sense(loaded), 0, list[str]()

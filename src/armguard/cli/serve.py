@@ -19,6 +19,7 @@ from armguard.cli.console import (
 )
 from armguard.scene.file import stated_cycle
 from armguard.scene.settings import CHOICES
+from armguard.sense.world import sensed_space
 from armguard.service.server import Service, ServiceSettings
 from armguard.service.server.scenes import open_scene
 from armguard.service.server.throttled_log import PatientHandler
@@ -90,6 +91,13 @@ class Options:
         int | None, Option(help="Port of the metrics for Prometheus.")
     ] = None
     zenoh: Annotated[bool, Option(help="Start the Zenoh bridge as well.")] = False
+    sense: Annotated[
+        bool, Option(help="Start the map's process as well: sensors of the scene.")
+    ] = False
+    simulated_sensors: Annotated[
+        bool,
+        Option(help="Start the map, and simulated sensors that see unknown boxes."),
+    ] = False
     view: Annotated[bool, Option(help="Start the live view as well.")] = False
     realtime: Annotated[bool, Option(help="Request real-time scheduling.")] = False
     lock_memory: Annotated[
@@ -138,6 +146,10 @@ class Options:
             found["metrics"] = ("--port", str(self.metrics))
         if self.zenoh:
             found["zenoh"] = ("--companion", *keyed)
+        if self.sense or self.simulated_sensors:
+            found["sense"] = (self.scene, *keyed)
+        if self.simulated_sensors:
+            found["rig"] = (self.scene, *keyed)
         if self.view:
             found["view"] = keyed
         return found
@@ -168,6 +180,8 @@ def serve(options: Options) -> None:
         )
     if settings.reflex is None and scene.reflex is not None:
         settings = replace(settings, reflex=Path(file).parent / scene.reflex.file)
+    if options.sense or options.simulated_sensors:
+        sensed_space(scene)
     compile_kernels({robot.mode for robot in scene.robots.values()} != {"fixed"})
     handle_signals(end_now)
     service = Service(scene, settings, file=file)

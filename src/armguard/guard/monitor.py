@@ -137,6 +137,7 @@ class Monitor(Loop):
     allow = delegated("_contracts", ContractTable.allow)
     swap_model = delegated("_grippers", Grippers.swap_model)
     update_cells = delegated("_sensed", SensedSpace.update_cells)
+    forgetting = delegated("_sensed", SensedSpace.forgetting)
     knowledge = delegated("_sensed", SensedSpace.knowledge)
     checker = delegated("_proven", ProvenLines.checker)
     checkpoint = delegated("_saving", Saving.checkpoint)

@@ -32,7 +32,7 @@ from armguard.guard.sensed_words import (
 )
 from armguard.index import BruteForce, Octree
 from armguard.index.octree_state import ABSENT
-from armguard.record import Records, dtype_of
+from armguard.record import Records, dtype_of, records
 from armguard.scene.sensing import SceneSensing
 from armguard.scene.tables import SceneTables
 from armguard.separate import link_missing
@@ -133,6 +133,26 @@ class SensedSpace:
         take_claims(deltas, self.ledger.lines)
         about["stamp"] = stamp
         about["newest"] = max(float(about["newest"]), stamp)
+
+    def forgetting(self) -> tuple[Records[Delta], float]:
+        """Changes after which no cell is known free, and the stamp to give them with.
+
+        For a map that begins anew, whose first changes must come after them. Occupied
+        cells stay until the new map has looked there.
+
+        Returns:
+            Changes for `update_cells`, of any count; and the stamp of the last ones,
+            minus infinity before the first [s].
+        """
+        claims = self.table.claims
+        occupied, unknown = claims.occupied.words, claims.unknown.words
+        words = np.flatnonzero(occupied | unknown != ALL)
+        changes: Any = records(len(words), Delta)
+        changes["bits"][:, 0], changes["bits"][:, 1] = occupied[words], ~occupied[words]
+        for name in ("stamp", "error", "motion"):
+            changes[name] = getattr(claims, name)[words]
+        changes["word"] = words
+        return changes, float(self.table.about.stamp)
 
     def knowledge(self, link: str, direction: ArrayLike) -> KnownFree:
         """How far a link can be moved along a direction in space that is known free.

@@ -55,8 +55,12 @@ DROPS = {
     "silent: check clock and network",
     "ahead": "a desired motion, call or claim whose stamp is in the future: "
     "check the clock",
-    "busy": "one hello or call more than are answered between two heartbeats: "
-    "send fewer",
+    "busy": "one hello or call more than are answered between two heartbeats, or more "
+    "changes of the map than are taken in a cycle: send fewer",
+    "cells": "changes that no map of this scene makes: check region and clock",
+    "cells_order": "changes of a map that do not follow the last ones: "
+    "they are sent again",
+    "second_map": "of a second process that fills the map: end one of the processes",
 }
 
 COUNTERS: tuple[str, ...] = (
@@ -65,7 +69,14 @@ COUNTERS: tuple[str, ...] = (
     *("cycles", "cycles_without_state", "cycles_without_wish"),
     *("deadline_missed", "cycle_faults"),
     *("sent", "send_would_block", "send_failed", "senders"),
-    *("commander_lost", "companions_ended", "companions_restarted", "level"),
+    *(
+        "cells",
+        "maps",
+        "commander_lost",
+        "companions_ended",
+        "companions_restarted",
+        "level",
+    ),
     *(f"dropped_{cause}" for cause in DROPS),
 )
 
@@ -81,7 +92,7 @@ LAST = BUCKETS - 1
 
 # The head: magic, version, counters, histograms, process, start on the wall clock [ns].
 HEAD, PROCESS = 8, 4
-VERSION = 3
+VERSION = 4
 FIRST_WORDS = (0x41524D434E54, VERSION, len(COUNTERS), len(HISTOGRAMS))
 # Stops by reason; those that the service has to say itself are `Cause` + FIRST_CAUSE.
 REASONS, FIRST_CAUSE = 256, 200

@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike
 
 from armguard.cells.cell_map import CellMap
 from armguard.cells.deltas import Delta
-from armguard.errors import PoseError, SceneError
+from armguard.errors import PoseError
 from armguard.geometry.pose import Pose
 from armguard.guard.monitor import Monitor
 from armguard.record import Records
 from armguard.scene.scene import Scene
-from armguard.scene.sensing import SceneSensing
 from armguard.scene.sensor_kinds import Form
 from armguard.sense.filling import Filling
 from armguard.sense.frames import BadFrameError, Intake
@@ -37,7 +36,7 @@ from armguard.sense.health import SIGNS, Fault, SensorHealth
 from armguard.sense.history import JointHistory
 from armguard.sense.station import Station
 from armguard.sense.view import View
-from armguard.sense.world import World
+from armguard.sense.world import World, sensed_space
 
 # A frame may be this much newer than the newest joint positions [s].
 AHEAD = 0.02
@@ -241,13 +240,29 @@ class Sense:
         self._filling.moved(name)
         return self._counted(Intake.TAKEN)
 
-    def deltas(self, most: int = MOST_DELTAS) -> Records[Delta]:
+    @property
+    def sent(self) -> float:
+        """When all claims held, with the changes taken so far [s]."""
+        return self._sent
+
+    def changes(self, most: int = MOST_DELTAS) -> Records[Delta]:
         """Changes of the map since they were last taken, see `CellMap.take_deltas`.
+
+        With moving intruders the map forgets what they may have reached, so all of its
+        claims hold at the newest frame. Else they hold since the oldest of the newest
+        frames of the sensors that have freed space which was not withdrawn. Changes
+        that wait keep `sent` back.
 
         Args:
             most: Greatest count of changes.
         """
-        return self.cells.take_deltas(most)
+        changes = self.cells.take_deltas(most)
+        holds = [one.freed for one in self._stations.values() if one.freed > -inf]
+        if self.cells.intruder_speed is not None:
+            holds = [self.stamp]
+        if holds and len(changes) < most:
+            self._sent = max(self._sent, min(holds))
+        return changes
 
     def _take(
         self, name: str, form: Form, values: ArrayLike, status: ArrayLike | None,
@@ -336,22 +351,11 @@ class Sense:
             self._filling.withdraw(station, self._history)
 
     def _update_guard(self) -> None:
-        """Let the guard take a bounded number of changes.
-
-        With moving intruders the map forgets what they may have reached, so all of its
-        claims hold at the newest frame. Else they hold since the oldest of the newest
-        frames of the sensors that have freed space, and were not withdrawn.
-        """
-        freed = [one.freed for one in self._stations.values() if one.freed > -inf]
-        if self._guard is None or (not freed and self._sent < self._start):
-            return
-        holds = min(freed, default=self._sent)
-        if self.cells.intruder_speed is not None:
-            holds = self.stamp
-        changes = self.deltas()
-        if len(changes) < MOST_DELTAS:
-            self._sent = max(self._sent, holds)
-        self._guard.update_cells(changes, self._sent)
+        """Let the guard take a bounded number of changes."""
+        freed = any(one.freed > -inf for one in self._stations.values())
+        if self._guard is not None and (freed or self._sent >= self._start):
+            changes = self.changes()
+            self._guard.update_cells(changes, self._sent)
 
     def _counted(self, intake: Intake) -> Intake:
         self.intakes[intake] += 1
@@ -364,23 +368,3 @@ def number_of(stamp: object) -> float:
         return float(stamp)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         return nan
-
-
-def sensed_space(scene: Scene) -> SceneSensing:
-    """The sensed space of a scene with sensors.
-
-    Raises:
-        SceneError: It has none, or no sensors.
-    """
-    if not scene.sensors:
-        raise SceneError(
-            "the scene has no sensors; declare some, as in `sensors: {top: {kind: "
-            "depth, focal: 615, at: {xyz: [0.4, 0, 1.5], rpy: [3.14, 0, 0]}}}`"
-        )
-    if scene.sensing is None:
-        raise SceneError(
-            "the scene has sensors and does not declare the space that they see; add "
-            "`sensing: {region: {centre: [0, 0, 0.5]}, unknown: still, intruder: "
-            "{speed: 1.6, size: 0.05}}`, see docs/sense.md"
-        )
-    return scene.sensing

@@ -5,12 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.errors import SceneError
 from armguard.geometry.bounds import row_bounds
 from armguard.guard.monitor import Monitor
 from armguard.index.octree_state import ABSENT
 from armguard.robot.kinematics import FIXED, PRISMATIC, forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
+from armguard.scene.sensing import SceneSensing
 from armguard.sense.history import JointHistory, Positions
 from armguard.sense.ranging import place_rows
 
@@ -231,3 +233,23 @@ def balls_about(kinds: Ints, rows: Floats) -> Floats:
         if np.isfinite(box).all():
             ball[:] = *middle, np.linalg.norm(box[3:] - middle)
     return balls
+
+
+def sensed_space(scene: Scene) -> SceneSensing:
+    """The sensed space of a scene with sensors.
+
+    Raises:
+        SceneError: It has none, or no sensors.
+    """
+    if not scene.sensors:
+        raise SceneError(
+            "the scene has no sensors; declare some, as in `sensors: {top: {kind: "
+            "depth, focal: 615, at: {xyz: [0.4, 0, 1.5], rpy: [3.14, 0, 0]}}}`"
+        )
+    if scene.sensing is None:
+        raise SceneError(
+            "the scene has sensors and does not declare the space that they see; add "
+            "`sensing: {region: {centre: [0, 0, 0.5]}, unknown: still, intruder: "
+            "{speed: 1.6, size: 0.05}}`, see docs/sense.md"
+        )
+    return scene.sensing

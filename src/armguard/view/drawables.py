@@ -63,6 +63,11 @@ class Drawable:
         self.api, self.gui = world.server.scene, world.server.gui
         self.nodes: dict[Any, Any] = {}
 
+    @classmethod
+    def serves(cls, world: World) -> bool:
+        """Whether a scene has any of it."""
+        return True
+
     def show(self, shown: bool) -> None:
         """Draw it from the next cycle on, or not."""
         self.shown, self._due = shown, -np.inf
@@ -262,8 +267,9 @@ class Shells(Drawable):
         wanted: dict[int, tuple[float, Rgb]] = {}
         slow = slow_time(cycle)
         for pair in cycle.pairs[:SHELLS]:
-            both = self._index[pair.primitive_a], self._index[pair.primitive_b]
-            moving = [i for i in both if i < self.tables.moving_count]
+            # Sensed cells are no primitives of the scene.
+            both = [self._index.get(p) for p in (pair.primitive_a, pair.primitive_b)]
+            moving = [i for i in both if i is not None and i < self.tables.moving_count]
             for i in moving:
                 need = max(pair.needed, STEP) / len(moving)
                 if need > wanted.get(i, (0.0,))[0]:

@@ -17,17 +17,19 @@ from armguard.recording.ring import RingReader, recorder_age
 from armguard.scene import Scene, compile_scene
 from armguard.scene.bay import bay_path
 from armguard.scene.settings import CHOICES
-from armguard.scene.two_pandas import two_pandas_path
+from armguard.scene.two_pandas import sensed_table_path, two_pandas_path
 from armguard.service.client import Client, Welcome
 from armguard.service.server.scenes import open_scene, scene_hash
 from armguard.service.wire.keys import found_keys
 from armguard.simulation import TeleDriver
 from armguard.simulation.operator import Operator
+from armguard.simulation.rig_link import ask_rig
 from armguard.view.commander import Commander
 from armguard.view.drive_tab import MODES, DriveTab
 from armguard.view.driver import Driver
 from armguard.view.edit_tab import Editor, EditTab
 from armguard.view.lateness import BUSY, Lateness
+from armguard.view.sensed import SensorTab
 from armguard.view.view import View
 
 # Time between two looks into the ring; a level is shown within it [s].
@@ -152,7 +154,7 @@ class LiveView(View):
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._tried = time.monotonic()
         self._recording, self._looked = "", -float("inf")
-        self._refused = -float("inf")
+        self._refused, self._port = -float("inf"), port
         self._lateness = Lateness()
         self._welcome = client.connect()
         self.commander = Commander(client, role, self._complain)
@@ -227,6 +229,11 @@ class LiveView(View):
                 own = None if file == bay_path() else file
                 self.edit = EditTab(world, self.editor, own)
             self.drawables.append(self.edit)
+        if world.scene.sensors:
+            with self.tabs.add_tab("Sensors", viser.Icon.RADAR):
+                port = self._port
+                tab = SensorTab(world, lambda faults: ask_rig(port, faults))
+            self.drawables.append(tab)
         self.page.publish("driving", {"on": False})
         self._hash = welcome.scene_hash
         self.source = LiveFrames(Path(welcome.ring), self._judged, self._other)
@@ -251,6 +258,9 @@ class LiveView(View):
         text = frame.text
         if frame.kind is Kind.EVENT:
             self.world.objects.apply(text)
+            self.world.sensed.apply(text)
+        elif text.get("note") == "sensors":
+            self.world.sensed.note(text)
         elif text.get("note") == "scene" and text["scene_hash"] != self._hash:
             self._hash = text["scene_hash"]
             self._jobs.put(self._adopt_settings)
@@ -335,7 +345,7 @@ def guarded_scene(welcome: Welcome) -> Scene:
         SceneError: There is no such scene.
     """
     bundled = {"": "two-pandas", str(two_pandas_path()): "two-pandas"}
-    bundled[str(bay_path())] = "bay"
+    bundled |= {str(bay_path()): "bay", str(sensed_table_path()): "sensed-table"}
     name = bundled.get(welcome.scene_file, welcome.scene_file)
     late, stale = float(welcome.text["late"]), welcome.text["stale"]
     scene, _ = open_scene(name, period=welcome.period, late=late, stale=stale)

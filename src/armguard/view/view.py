@@ -27,6 +27,7 @@ from armguard.view.drawables import (
 )
 from armguard.view.login import Login
 from armguard.view.page_server import PageServer
+from armguard.view.sensed import SensedCells, SensorViews
 from armguard.view.signals import MarkedPair, NearList, SignalPlot
 from armguard.view.state_message import state_message
 from armguard.view.viser_server import open_viser
@@ -113,7 +114,9 @@ class View:
         self.server.scene.reset()
         with self.server.atomic():
             set_stage(self.server, world.tables)
-            self.drawables: list[Drawable] = [kind(world) for kind in DRAWABLES]
+            self.drawables: list[Drawable] = [
+                kind(world) for kind in DRAWABLES if kind.serves(world)
+            ]
         self._drawn: Frame | None = None
         self._summary: tuple[int, ...] = ()
         self.tabs = self.server.gui.add_tab_group()
@@ -214,7 +217,7 @@ class View:
 # What each scene is drawn by. Robots come first: others have nodes below their bodies.
 DRAWABLES: tuple[type[Drawable], ...] = (
     *(Robots, Objects, NearPairs),
-    *(Primitives, Shells, StopGhost, Leaves),
+    *(Primitives, Shells, StopGhost, Leaves, SensedCells, SensorViews),
 )
 
 

@@ -25,6 +25,7 @@ from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import Standing
 from armguard.scene.tables import RobotPart, SceneTables
+from armguard.view.sensed_state import SensedState
 
 Floats = NDArray[np.float64]
 
@@ -134,13 +135,14 @@ class World:
         tables: The tables that the guard has of it.
         names: Names of its verdicts.
         objects: Poses of objects.
+        sensed: Cells and health of sensors.
     """
 
     def __init__(self, server: viser.ViserServer, scene: Scene) -> None:
         self.server, self.scene = server, scene
         self.tables = compile_scene(scene)
         self.names = names_of(self.tables)
-        self.objects = ObjectPoses(scene)
+        self.objects, self.sensed = ObjectPoses(scene), SensedState(scene)
 
     def fits(self, frame: Frame) -> bool:
         """Whether a cycle's frame is about this scene, by its sizes."""

@@ -59,7 +59,9 @@ COUNTS = {
     "commander_lost": "Commanders that lost the command because they were silent",
     "controllers_silent": "Controllers that fell silent",
     "companions_ended": "Companions that have ended while the service ran",
-    "companions_restarted": "Recorders that were started again",
+    "companions_restarted": "Recorders and maps that were started again",
+    "cells": "Messages with changes of the map that were taken over",
+    "maps": "Maps that began",
 }
 DROPPED = "dropped_"
 

@@ -13,6 +13,11 @@ def two_pandas_path() -> Path:
     return FOLDER / "two_pandas.yaml"
 
 
+def sensed_table_path() -> Path:
+    """The file of a scene whose table only sensors see; it needs the extra `robots`."""
+    return FOLDER / "sensed_table.yaml"
+
+
 def two_pandas_scene() -> Scene:
     """Two real robots at one table, with obstacles and blocks to grip.
 

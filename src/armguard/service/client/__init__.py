@@ -2,6 +2,7 @@
 
 from armguard.service.client.answer import Answer, Nearest
 from armguard.service.client.client import Client
+from armguard.service.client.sensors import SensorClient
 from armguard.service.client.welcome import RobotJoints, Welcome
 
-__all__ = ["Answer", "Client", "Nearest", "RobotJoints", "Welcome"]
+__all__ = ["Answer", "Client", "Nearest", "RobotJoints", "SensorClient", "Welcome"]

@@ -22,6 +22,7 @@ ROLES: Mapping[int, Role] = {
     **dict.fromkeys(
         (Kind.HELLO, Kind.HEARTBEAT, Kind.CALL, Kind.STOP, Kind.BYE), Role.OBSERVE
     ),
+    **dict.fromkeys((Kind.CELLS, Kind.HEALTH), Role.SENSE),
     **dict.fromkeys((Kind.STATE, Kind.WISH, Kind.CLAIM, Kind.GIVE_BACK), Role.COMMAND),
 }
 

@@ -18,17 +18,22 @@ MODULES: Mapping[str, tuple[str, ...]] = {
         *("armguard.recording", "--ring", "{ring}"),
         *("--parent", "{pid}"),
     ),
+    "sense": (
+        *("armguard.service.mapping", "--service", "127.0.0.1:{port}"),
+        *("--parent", "{pid}"),
+    ),
+    "rig": ("armguard.simulation.rig", "--port", "{port}", "--parent", "{pid}"),
     "view": ("armguard.view", "--service", "{port}"),
     "metrics": ("armguard.bridges.prometheus", "--ring", "{ring}"),
     "zenoh": ("armguard.bridges.zenoh_bridge", "--port", "{port}"),
 }
 
 # Those that are started again when they end: no user sees that they are gone.
-RESTARTED = frozenset(("record",))
+RESTARTED = frozenset(("record", "sense"))
 
 # The loop comes before these: they get the processor that it leaves. The bridge passes
 # on commands, so it has the loop's priority.
-AFTER_THE_LOOP = frozenset(("record", "view", "metrics"))
+AFTER_THE_LOOP = frozenset(("record", "sense", "view", "metrics"))
 NICENESS = 5
 
 # They are started again so much later, then twice that each time, at most so much [s].

@@ -8,6 +8,7 @@ from armguard.guard.levels import Level
 from armguard.recording.counters import FIRST_CAUSE
 from armguard.respond.units import SUSTAINED
 from armguard.service.server.context import Context
+from armguard.service.server.mapped import MappedCells
 from armguard.service.server.peers import Peer
 from armguard.service.wire import Cause
 from armguard.service.wire.layout import HELD, MISSED, OBJECTS_CHANGED, STOP_LEVEL
@@ -30,10 +31,11 @@ class Cycles:
 
     Args:
         context: State that all parts of the loop share.
+        mapped: Takes the changes of the map.
     """
 
-    def __init__(self, context: Context) -> None:
-        self._context = context
+    def __init__(self, context: Context, mapped: MappedCells) -> None:
+        self._context, self._mapped = context, mapped
         settings = context.settings
         period = settings.period
         self._period = int(period * NANO)
@@ -134,6 +136,10 @@ class Cycles:
                 judge.write_down()
             except Exception as error:  # a cycle that is not recorded: stop
                 self.fail("ring", error, ended)
+        try:
+            self._mapped.renew()
+        except Exception as error:  # cells that cannot be forgotten: stop
+            self.fail("cells", error, ended)
         counters.time("waking", start - due)
         self._count(fresh, cause, before, ended - start)
         events = self._events

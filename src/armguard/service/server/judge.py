@@ -20,7 +20,7 @@ from armguard.respond.state import POSITIONS, TWIST_ROW, VELOCITIES
 from armguard.respond.state import TWISTS as BY_TWISTS
 from armguard.respond.units import DesiredUnits
 from armguard.respond.whole_cycle import NOT_JUDGED
-from armguard.scene import Scene
+from armguard.scene import Scene, compile_scene
 from armguard.scene.tables import SceneTables
 from armguard.service.desk.answering import write_answer
 from armguard.service.desk.desk import AS_DESIRED, NOTHING
@@ -317,7 +317,9 @@ class Judge:
     def _build(self, self_test: bool) -> tuple[RecordedGuard, str]:
         """A guard of the scene as it is now, and the scene's hash."""
         guard = Guard(self.scene, budget=self._settings.budget, self_test=self_test)
-        return RecordedGuard(guard, self._ring), scene_hash(guard.tables)
+        # The guard's own tables have slots for sensed cells as well.
+        found = scene_hash(compile_scene(self.scene))
+        return RecordedGuard(guard, self._ring), found
 
     def _compile(self) -> None:
         """Compile, or load, what the loop calls; nothing was received or asked."""

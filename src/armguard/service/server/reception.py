@@ -17,6 +17,7 @@ from armguard.service.server.context import Context
 from armguard.service.server.cycles import NANO, Cycles
 from armguard.service.server.dropped import sentence_of_drop
 from armguard.service.server.judge import tools_of
+from armguard.service.server.mapped import MappedCells
 from armguard.service.server.peers import Address, Peer
 from armguard.service.server.rpc import AHEAD, Calls, read_call, refusal
 from armguard.service.server.settings import ServiceSettings
@@ -54,12 +55,14 @@ class Reception:
         context: State that all parts of the loop share.
         cycles: Cycles that states begin.
         calls: Done on request.
+        mapped: Takes the changes of the map.
         buffer: Where messages are received; the desk looks at the same bytes.
     """
 
     def __init__(
-        self, context: Context, cycles: Cycles, calls: Calls, buffer: bytearray
-    ) -> None:
+        self, context: Context, cycles: Cycles, calls: Calls, mapped: MappedCells,
+        buffer: bytearray,
+    ) -> None:  # fmt: skip
         self._context, self._cycles, self._calls = context, cycles, calls
         self._buffer, self._message = buffer, memoryview(buffer)
         self._arrival = arrival = context.judge.arrival
@@ -79,6 +82,8 @@ class Reception:
             Kind.CALL: self._take_call,
             Kind.STOP: self._take_stop,
             Kind.BYE: self._take_bye,
+            Kind.CELLS: mapped.take_cells,
+            Kind.HEALTH: mapped.take_health,
         }
         self._sizes: dict[int, int] = {
             Kind.HEARTBEAT: LEAST,

@@ -19,12 +19,12 @@ from armguard.scene.exact import ExactTables
 from armguard.scene.meshes import Progress
 from armguard.scene.settings import CHOICES, Mode, ResponseName
 from armguard.scene.tables import SceneTables
-from armguard.scene.two_pandas import two_pandas_path
+from armguard.scene.two_pandas import sensed_table_path, two_pandas_path
 
 Floats = NDArray[np.float64]
 
 # Scenes that come with the package.
-BUNDLED = ("bay", "two-pandas")
+BUNDLED = ("bay", "two-pandas", "sensed-table")
 
 # Boxes a service holds ready for objects that the scene does not have, and half of
 # their sizes until a client gives others [m].
@@ -66,8 +66,9 @@ def open_scene(
         raise SceneError(f"response is '{response}'; {hint}")
     if what == "bay":
         scene, file = bay_scene("path"), str(bay_path())
-    elif what == "two-pandas":
-        file = str(two_pandas_path())
+    elif what in BUNDLED:
+        path = two_pandas_path() if what == "two-pandas" else sensed_table_path()
+        file = str(path)
         scene = load_scene(file, progress=progress)
     elif Path(what).is_file():
         scene, file = load_scene(what, progress=progress), str(Path(what).resolve())

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from armguard.service.server.companions import Companions
 from armguard.service.server.context import Command, Context
 from armguard.service.server.cycles import NANO, Cycles
 from armguard.service.server.judge import Judge, scene_word
+from armguard.service.server.mapped import MappedCells
 from armguard.service.server.peers import Peers
 from armguard.service.server.reception import Reception, send_welcome, welcome_parts
 from armguard.service.server.rpc import Calls
@@ -116,9 +118,12 @@ class Service:
             self._stay_stopped(killed)
         self._companions = Companions()
         self._adopt_scene()
-        self._cycles = Cycles(self._context)
+        self._mapped = MappedCells(self._context)
+        self._cycles = Cycles(self._context, self._mapped)
         calls = Calls(self._context, self._begin_anew)
-        self._reception = Reception(self._context, self._cycles, calls, buffer)
+        self._reception = Reception(
+            self._context, self._cycles, calls, self._mapped, buffer
+        )
         self._checkpoint = 0
         self._heartbeat = int(settings.heartbeat * NANO)
         self._beat_at = 0
@@ -209,6 +214,9 @@ class Service:
             silent.controls = False
             context.sockets.close_own(silent.address)
         self._reception.renew()
+        if self._cycles.next > now + NANO:
+            # No cycle does so.
+            self._mapped.renew()
         self._cycles.look_at_unit(now)
         holder = context.peers.find(context.command.sender)
         if holder is not None:
@@ -235,6 +243,7 @@ class Service:
         # A replay of what follows needs a place to begin.
         self._keep_checkpoint(now)
         self._cycles.begin_anew(now)
+        self._mapped.begin_anew()
         for peer in context.peers.here:
             send_welcome(context, peer, 0, now)
 
@@ -256,6 +265,8 @@ class Service:
             session=self.session,
             version=__version__,
             rate=settings.rate,
+            sensors=list(judge.scene.sensors),
+            sensing=region_of(judge.scene),
             **{} if settings.reflex is None else {"reflex": str(settings.reflex)},
         )
         context.welcome = tuple(parts)
@@ -282,6 +293,15 @@ class Service:
             self.counters.close()
             if self._keys_file is not None:
                 self._keys_file.unlink(missing_ok=True)
+
+
+def region_of(scene: Scene) -> dict[str, Any] | None:
+    """Place and size of the cells that the guard has; None without sensed space."""
+    space = scene.sensing
+    if space is None:
+        return None
+    region = space.region
+    return {"centre": list(region.centre), "size": region.size, "cell": space.cell}
 
 
 def check_size(scene: Scene) -> None:

@@ -41,7 +41,7 @@ Cookie = Annotated[bytes, "(16,)u1"]
 Point = Annotated[bytes, "(3,)<f8"]
 
 # Characters of `struct` for scalars of numpy.
-SCALARS = {"|u1": "B", "<u2": "H", "<u4": "I", "<u8": "Q", "<i8": "q"}
+SCALARS = {"|u1": "B", "<u2": "H", "<u4": "I", "<u8": "Q", "<i4": "i", "<i8": "q"}
 SCALARS |= {"<f4": "f", "<f8": "d"}
 
 
@@ -105,6 +105,10 @@ class Kind(IntEnum):
     BYE = 13
     CHALLENGE = 14
     REFUSAL = 15
+    FRAME = 16
+    HEALTH = 17
+    CELLS = 18
+    CELLS_TAKEN = 19
 
 
 class Form(IntEnum):
@@ -149,7 +153,7 @@ class Cause(WithSentence):
         return self >= Cause.STOP_ORDERED
 
 
-MAGIC, VERSION = 0x44524741, 2  # "AGRD"
+MAGIC, VERSION = 0x44524741, 3  # "AGRD"
 
 
 class Header(NamedTuple):

@@ -20,20 +20,23 @@ from typing import Any
 import numpy as np
 
 from armguard.errors import ArmguardError
-from armguard.service.wire import layout
+from armguard.service.wire import layout, sensing
 
 ROOT = Path(__file__).parents[4]
 PAGE, HEADER = Path("docs/service.md"), Path("examples/armguard.h")
 COMMAND = "python -m armguard.service.wire.published --write"
 
 LAYOUTS = {
-    name: one for name, one in vars(layout).items() if isinstance(one, layout.Layout)
+    name: one
+    for name, one in (vars(layout) | vars(sensing)).items()
+    if isinstance(one, layout.Layout)
 }
 
 # Titles of tables that are not the name of their record.
-TITLES = {"HEADER": "header", "ROBOT": "of each robot"}
+TITLES = {"HEADER": "header", "ROBOT": "of each robot", "SENSOR": "of each sensor"}
+TITLES |= {"CHANGE": "of each change"}
 
-C_TYPES = {"f8": "double", "f4": "float", "i8": "int64_t"}
+C_TYPES = {"f8": "double", "f4": "float", "i4": "int32_t", "i8": "int64_t"}
 C_TYPES |= {f"u{n}": f"uint{8 * n}_t" for n in (1, 2, 4, 8)}
 
 # Longest line of the C header.
