@@ -154,8 +154,10 @@ class SceneSensor:
 
     Attributes:
         name: Its name; sensor k of a ring is 'NAME/k'.
+        entry: Name of its entry: of the sensor, or of its ring.
         on: 'robot/link' that carries it; None if it is fixed in the world.
         kind: Its kind.
+        mount: Frame of its entry: that of the sensor, or of its ring.
         pose: Its frame in the link that carries it, or in the world: it looks along z,
             its columns follow x, its rows y.
         form: The form of its frames.
@@ -177,8 +179,10 @@ class SceneSensor:
     """
 
     name: str
+    entry: str
     on: str | None
     kind: KindName
+    mount: Pose
     pose: Pose
     form: Form
     zones: tuple[int, int]
@@ -233,7 +237,7 @@ def scene_sensors(name: str, settings: SensorSettings, pose: Pose) -> list[Scene
         across, along = figures["view"]
         focal = (0.5 * columns / tan(across / 2.0), 0.5 * rows / tan(along / 2.0))
     middle = settings.middle or (0.5 * (columns - 1), 0.5 * (rows - 1))
-    figures |= {"on": settings.on, "kind": settings.kind}
+    figures |= {"entry": name, "mount": pose, "on": settings.on, "kind": settings.kind}
     figures |= {"focal": focal, "middle": middle}
     if settings.ring is None:
         return [SceneSensor(name=name, pose=pose, **figures)]

@@ -1,0 +1,401 @@
+"""The pose and the delay of a sensor, by its distances to links and objects."""
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import SceneError
+from armguard.geometry.pose import Pose
+from armguard.scene.scene import Scene
+from armguard.scene.sensors import SceneSensor
+from armguard.sense.alignment import rotation, rotation_vector
+from armguard.sense.frames import BadFrameError, frame_of
+from armguard.sense.frames_file import DEPTH, JOINTS, POINTS, ZONES, Event
+from armguard.sense.surfaces import GRAZING, Surfaces
+from armguard.sense.view import SIGMAS, View
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Postures that a calibration needs, and by how much two of them differ [rad or m].
+POSTURES, APART = 24, 0.1
+
+# Frames that are used at most, distances of each, and rays along each edge of a zone.
+MOST, MOST_RAYS, RAYS = 400, 100, 4
+
+# Of each round: residuals that count [m], and how many of their standard deviations
+# count in full [-].
+ROUNDS = ((0.4, 20.0), (0.3, 10.0), (0.2, 5.0), (0.1, 2.0), (0.05, 2.0), (0.05, 2.0))
+
+# Error of the distance of an oblique surface, as a share of its depth within a zone.
+TILTED = 0.1
+
+# What is expected before any measurement: shift [m], turn [rad] and delay [s].
+EXPECTED = np.array([0.05] * 3 + [0.15] * 3 + [0.05])
+
+# Neighbouring distances have common errors, so of so many only one counts.
+COMMON = 4.0
+
+# Greatest error of a result, at 3 standard deviations: shift [m], turn [rad], delay
+# [s].
+GREATEST = (0.003, np.radians(0.5), 0.005)
+
+# Step of the time by which the change of distances is found [s].
+TIME_STEP = 0.004
+
+# Motion in two such steps that counts as none [rad or m], and change of a distance
+# beyond which another surface is met [m/s].
+STILL, FASTEST = 1e-6, 5.0
+
+
+class Measured(NamedTuple):
+    """Distances of a frame.
+
+    Attributes:
+        sensor: The sensor.
+        stamp: Declared time of the measurement [s].
+        rays: Rays of each zone, unit vectors in the sensor, shape (z, r, 3).
+        way: Distances along the first axis of the sensor, or along the ray of points,
+            shape (z,) [m].
+        sigma: Standard deviation of their noise, shape (z,) [m].
+    """
+
+    sensor: SceneSensor
+    stamp: float
+    rays: Floats
+    way: Floats
+    sigma: Floats
+
+
+class Calibrated(NamedTuple):
+    """Pose and delay of a sensor, or of a ring of sensors.
+
+    Attributes:
+        pose: Corrected frame of the entry.
+        delay: Corrected delay, None if the motion does not determine it [s].
+        shift: How far its origin is from the declared one [m].
+        turn: By what angle it is turned [rad].
+        sigma: Standard deviations of shift and turn by the axes of the entry, and of
+            the delay, shape (7,) [m, rad, s].
+        used: Distances that were used.
+    """
+
+    pose: Pose
+    delay: float | None
+    shift: float
+    turn: float
+    sigma: Floats
+    used: int
+
+
+class Track:
+    """Joint positions and distances of one entry, from events.
+
+    Attributes:
+        frames: Its frames.
+
+    Args:
+        scene: The scene.
+        entry: Name of a sensor or of a ring.
+        events: Joint positions and frames.
+
+    Raises:
+        SceneError: There is no such entry, or it measures no several distances.
+    """
+
+    def __init__(self, scene: Scene, entry: str, events: Iterable[Event]) -> None:
+        self.sensors = sensors_of(scene, entry)
+        self.frames: list[Measured] = []
+        views = {n: View(one, 0.05) for n, one in self.sensors.items()}
+        q, stamps = [], []
+        for event, name, stamp, arrays in events:
+            if event == JOINTS and arrays and arrays[0].shape == scene.home.shape:
+                q.append(arrays[0])
+                stamps.append(stamp)
+            elif name in views and event in (ZONES, DEPTH, POINTS) and arrays:
+                found = measured(views[name], stamp, arrays)
+                self.frames += [found] if found is not None else []
+        self._stamps, self._q = np.array(stamps), np.array(q)
+        if q:
+            early, late = self._stamps[0] + 0.1, self._stamps[-1] - 0.1
+            self.frames = [f for f in self.frames if early < f.stamp < late]
+
+    def q(self, stamp: float) -> Floats:
+        """Joint positions at a time [rad or m]."""
+        stamps = self._stamps
+        k = min(max(int(np.searchsorted(stamps, stamp)), 1), len(stamps) - 1)
+        share = (stamp - stamps[k - 1]) / (stamps[k] - stamps[k - 1])
+        return np.asarray(self._q[k - 1] + share * (self._q[k] - self._q[k - 1]))
+
+    def postures(self) -> int:
+        """How many postures the arms had that differ."""
+        kept: list[Floats] = []
+        for frame in self.frames:
+            q = self.q(frame.stamp)
+            if all(np.abs(q - one).max() > APART for one in kept):
+                kept.append(q)
+        return len(kept)
+
+
+def sensors_of(scene: Scene, entry: str) -> dict[str, SceneSensor]:
+    """The sensors of an entry by their names.
+
+    Raises:
+        SceneError: There is no such entry, or its sensors measure one distance.
+    """
+    found = {n: one for n, one in scene.sensors.items() if one.entry == entry}
+    if not found:
+        known = sorted({one.entry for one in scene.sensors.values()})
+        raise SceneError(f"no sensor is named '{entry}'; there are {', '.join(known)}")
+    form = next(iter(found.values())).form
+    if form not in ("zones", "image", "points"):
+        raise SceneError(
+            f"sensor '{entry}' measures one distance; a pose needs zones, an image or "
+            "points"
+        )
+    return found
+
+
+def measured(view: View, stamp: float, arrays: list[NDArray[Any]]) -> Measured | None:
+    """Distances of a frame that are beyond doubt; None without any."""
+    sensor = view.sensor
+    try:
+        if sensor.form == "points":
+            xyz = arrays[0].reshape(-1, 3)
+            way = np.linalg.norm(xyz, axis=1)
+            good = np.flatnonzero((way >= sensor.range[0]) & (way <= sensor.range[1]))
+            good = good[:: max(len(good) // MOST_RAYS, 1)]
+            rays, way = (xyz[good] / way[good, None])[:, None], way[good]
+        else:
+            status = arrays[1] if len(arrays) > 1 else None
+            frame = frame_of(sensor, view.slopes, arrays[0], status)
+            firm, way = frame.firm[view.places], frame.depth[view.places]
+            good = np.flatnonzero(firm & np.isfinite(way))
+            good = good[:: max(len(good) // MOST_RAYS, 1)]
+            way, rays = way[good], rays_of(view)[good]
+    except (BadFrameError, ValueError):
+        return None
+    sigma = (view.slack(way) - sensor.error) / SIGMAS
+    return Measured(sensor, stamp - sensor.delay, rays, way, sigma)
+
+
+def rays_of(view: View) -> Floats:
+    """Unit vectors of the rays of the predicted zones, shape (z, rays, 3)."""
+    if view.sensor.image:
+        return np.asarray(view.ways)
+    i, j = view.places
+    parts = (np.arange(RAYS) + 0.5) / RAYS - 0.5
+    u, v = (part.ravel() for part in np.meshgrid(parts, parts))
+    sensor = view.sensor
+    x = (j[:, None] + u - sensor.middle[0]) / sensor.focal[0]
+    y = (i[:, None] + v - sensor.middle[1]) / sensor.focal[1]
+    ways = np.stack([x, y, np.ones_like(x)], axis=2)
+    return np.asarray(ways / np.linalg.norm(ways, axis=2, keepdims=True))
+
+
+class Expected(NamedTuple):
+    """Distances that are expected of a frame, with their derivatives.
+
+    Attributes:
+        way: The distances, as in `Measured`, infinite without a surface, shape (z,).
+        whole: Whether all rays of the zone meet one surface, and none only grazes it,
+            shape (z,).
+        spread: Farthest less nearest of its rays, shape (z,) [m].
+        rows: Derivatives by shift and turn of the entry, shape (z, 6).
+    """
+
+    way: Floats
+    whole: NDArray[np.bool_]
+    spread: Floats
+    rows: Floats
+
+
+class Fit:
+    """Distances as a function of the pose and the delay.
+
+    Args:
+        surfaces: What the sensor sees.
+        track: Joint positions and distances.
+    """
+
+    def __init__(self, surfaces: Surfaces, track: Track) -> None:
+        self._surfaces, self._track = surfaces, track
+        picked = np.linspace(0, len(track.frames) - 1, MOST).round().astype(int)
+        self._frames = [track.frames[k] for k in np.unique(picked)]
+
+    def expected(self, frame: Measured, x: Floats, later: float = 0.0) -> Expected:
+        """Distances of a frame at a pose and a delay, see `Fit.solve`."""
+        sensor = frame.sensor
+        q = self._track.q(frame.stamp - x[6] + later)
+        return expected(self._surfaces, sensor, frame.rays, q, x)
+
+    def solve(self) -> Calibrated:
+        """Fit shift and turn of the entry, and the delay, beyond the declared ones.
+
+        Raises:
+            SceneError: The postures do not determine them.
+        """
+        from scipy.optimize import least_squares
+
+        x = np.zeros(7)
+        for capture, soft in ROUNDS:
+            chosen = [self._chosen(frame, x, capture) for frame in self._frames]
+            if sum(map(np.count_nonzero, chosen)) < 20 * len(x):
+                raise SceneError(
+                    "too few distances are of known surfaces: bring links and "
+                    "modelled objects into the view"
+                )
+            # The solver wants residuals and derivatives one after the other.
+            both = lru_cache(1)(lambda x, at=chosen: self._residuals(np.array(x), at))
+            found = least_squares(
+                lambda x, both=both: both(tuple(x))[0], x,
+                jac=lambda x, both=both: both(tuple(x))[1],
+                loss="soft_l1", f_scale=soft, x_scale=EXPECTED, max_nfev=8,
+            )  # fmt: skip
+            x = found.x
+        residual, rows = self._residuals(x, chosen)
+        return self._result(x, residual[:-7], rows[:-7])
+
+    def _chosen(self, frame: Measured, x: Floats, capture: float) -> NDArray[np.bool_]:
+        """Distances of whole surfaces whose residuals count."""
+        now = self.expected(frame, x)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(frame.way - now.way) < capture
+        return np.asarray(near & now.whole)
+
+    def _residuals(
+        self, x: Floats, chosen: Sequence[NDArray[np.bool_]]
+    ) -> tuple[Floats, Floats]:
+        """Residuals by their standard deviations, and their derivatives."""
+        residuals, rows = [], []
+        for frame, at in zip(self._frames, chosen, strict=True):
+            if not at.any():
+                continue
+            part = frame._replace(rays=frame.rays[at], way=frame.way[at])
+            now = self.expected(part, x)
+            slope = self._slope(part, x)
+            # The distance of an oblique surface is that of any part of a zone.
+            sigma = np.hypot(frame.sigma[at], TILTED * np.minimum(now.spread, 1.0))
+            good = np.isfinite(now.way)
+            line = np.hstack([now.rows, -slope[:, None]])
+            residuals.append(np.where(good, frame.way[at] - now.way, 0.0) / sigma)
+            rows.append(np.where(good[:, None], -line, 0.0) / sigma[:, None])
+        residuals.append(x / EXPECTED)
+        rows.append(np.diag(1.0 / EXPECTED))
+        return np.concatenate(residuals), np.concatenate(rows)
+
+    def _slope(self, frame: Measured, x: Floats) -> Floats:
+        """Change of the distances of a frame with time, 0 at an edge [m/s]."""
+        times = (-TIME_STEP, TIME_STEP)
+        first, last = (self._track.q(frame.stamp - x[6] + later) for later in times)
+        if np.abs(last - first).max() < STILL:
+            return np.zeros(len(frame.way))
+        ends = [self.expected(frame, x, later).way for later in times]
+        with np.errstate(invalid="ignore"):
+            slope = (ends[1] - ends[0]) / (times[1] - times[0])
+        return np.where(np.abs(slope) < FASTEST, slope, 0.0)
+
+    def _result(self, x: Floats, residual: Floats, rows: Floats) -> Calibrated:
+        """The result, if the postures determine it.
+
+        Raises:
+            SceneError: They do not.
+        """
+        spread = max(1.4826 * float(np.median(np.abs(residual))), 1.0)
+        H = rows.T @ rows + np.diag(EXPECTED**-2.0)
+        covariance = COMMON * spread**2 * np.linalg.inv(H)
+        for part, unit, name in ((0, 1e3, "mm along"), (3, 180 / np.pi, "° about")):
+            values, axes = np.linalg.eigh(covariance[part : part + 3, part : part + 3])
+            worst = SIGMAS * float(np.sqrt(values[-1]))
+            if worst > GREATEST[part // 3]:
+                axis = ", ".join(f"{c:.1f}" for c in axes[:, -1])
+                raise SceneError(
+                    "the postures do not determine the pose: it may be "
+                    f"{worst * unit:.1f} {name} ({axis}) of its frame off; add "
+                    "postures in which it sees other surfaces"
+                )
+        sigma = np.sqrt(np.diag(covariance))
+        first = next(iter(self._track.sensors.values()))
+        X = np.eye(4)
+        X[:3, :3], X[:3, 3] = rotation(x[3:6]), x[:3]
+        timed = SIGMAS * float(sigma[6]) <= GREATEST[2]
+        return Calibrated(
+            Pose.from_matrix(first.mount.matrix() @ X),
+            max(first.delay + float(x[6]), 0.0) if timed else None,
+            float(np.linalg.norm(x[:3])),
+            float(np.linalg.norm(rotation_vector(X[:3, :3]))),
+            sigma,
+            len(residual),
+        )
+
+
+def expected(
+    surfaces: Surfaces, sensor: SceneSensor, rays: Floats, q: Floats, x: Floats
+) -> Expected:
+    """Distances of rays of a sensor.
+
+    Args:
+        surfaces: What it sees.
+        sensor: The sensor.
+        rays: Rays of each zone, unit vectors, shape (z, r, 3).
+        q: Joint positions [rad or m].
+        x: Shift [m] and turn [rad] of its entry, shape (6,) or more.
+    """
+    placed = surfaces.at(q)
+    base = np.eye(4)
+    if sensor.on is not None:
+        frame = surfaces.tables.links[sensor.on]
+        base[:3] = placed.T_world[frame.body].reshape(3, 4)
+        base = base @ frame.T_body_link
+    entry, X = base @ sensor.mount.matrix(), np.eye(4)
+    X[:3, :3], X[:3, 3] = rotation(x[3:6]), x[:3]
+    inner = np.linalg.inv(sensor.mount.matrix()) @ sensor.pose.matrix()
+    T = entry @ X @ inner
+    zones, count, _ = rays.shape
+    ways = rays.reshape(-1, 3) @ T[:3, :3].T
+    met = surfaces.meet(placed, T[:3, 3], ways, 2.0 * sensor.range[1])
+    along = rays[:, :, 2] if sensor.form != "points" else np.ones(rays.shape[:2])
+    way = met.way.reshape(zones, count) * along
+    which = met.which.reshape(zones, count)
+    whole = (which == which[:, :1]).all(axis=1) & (which[:, 0] >= 0)
+    # A zone has the distance at which its share is filled.
+    order = np.argsort(way, axis=1)
+    place = max(int(np.ceil(sensor.fill * count)), 1) - 1
+    picked = order[:, place] + count * np.arange(zones)
+    normal, there = met.normal[picked], ways[picked]
+    facing = (normal * there).sum(axis=1)
+    whole &= facing < -GRAZING
+    facing = np.minimum(facing, -GRAZING)
+    far = np.where(np.isfinite(met.way[picked]), met.way[picked], 0.0)
+    # By a turn about the entry the origin of a sensor moves as well.
+    turned = T[:3, 3] + far[:, None] * there - entry[:3, 3] - entry[:3, :3] @ x[:3]
+    scale = -along.reshape(-1)[picked] / facing
+    rows = np.hstack([normal, np.cross(turned, normal)]) * scale[:, None]
+    with np.errstate(invalid="ignore"):
+        spread = np.where(whole, way.max(axis=1) - way.min(axis=1), np.inf)
+    frames = np.kron(np.eye(2), entry[:3, :3])
+    return Expected(way.reshape(-1)[picked], whole, spread, rows @ frames)
+
+
+def calibrated(scene: Scene, entry: str, events: Iterable[Event]) -> Calibrated:
+    """Pose and delay of a sensor, or of a ring, from frames at several postures.
+
+    Args:
+        scene: The scene; its links and objects are the surfaces.
+        entry: Name of a sensor or of a ring of sensors.
+        events: Joint positions and frames, at rest and in motion.
+
+    Raises:
+        SceneError: The postures do not determine the pose.
+    """
+    track = Track(scene, entry, events)
+    count = track.postures()
+    if count < POSTURES:
+        raise SceneError(
+            f"the frames of '{entry}' are of {count} postures; {POSTURES} are needed, "
+            f"each {APART:g} rad from the others in a joint"
+        )
+    return Fit(Surfaces(scene), track).solve()
