@@ -1,7 +1,6 @@
 """The pose and the delay of a sensor, by its distances to links and objects."""
 
-from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,10 +27,16 @@ MOST, MOST_RAYS, RAYS = 400, 100, 4
 
 # Of each round: residuals that count [m], and how many of their standard deviations
 # count in full [-].
-ROUNDS = ((0.4, 20.0), (0.3, 10.0), (0.2, 5.0), (0.1, 2.0), (0.05, 2.0), (0.05, 2.0))
+ROUNDS = (
+    *((0.4, 20.0),) * 4, *((0.3, 10.0),) * 3, *((0.2, 5.0),) * 3, *((0.1, 2.0),) * 3,
+    *((0.05, 2.0),) * 5,
+)  # fmt: skip
 
 # Error of the distance of an oblique surface, as a share of its depth within a zone.
 TILTED = 0.1
+
+# Least distances of a fit.
+LEAST = 150
 
 # What is expected before any measurement: shift [m], turn [rad] and delay [s].
 EXPECTED = np.array([0.05] * 3 + [0.15] * 3 + [0.05])
@@ -242,47 +247,43 @@ class Fit:
 
         x = np.zeros(7)
         for capture, soft in ROUNDS:
-            chosen = [self._chosen(frame, x, capture) for frame in self._frames]
-            if sum(map(np.count_nonzero, chosen)) < 20 * len(x):
+            residual, rows = self._residuals(x, capture)
+            if len(residual) < LEAST:
                 raise SceneError(
                     "too few distances are of known surfaces: bring links and "
                     "modelled objects into the view"
                 )
-            # The solver wants residuals and derivatives one after the other.
-            both = lru_cache(1)(lambda x, at=chosen: self._residuals(np.array(x), at))
-            found = least_squares(
-                lambda x, both=both: both(tuple(x))[0], x,
-                jac=lambda x, both=both: both(tuple(x))[1],
-                loss="soft_l1", f_scale=soft, x_scale=EXPECTED, max_nfev=8,
+            # Each round finds the surfaces anew, and is linear between.
+            step = least_squares(
+                lambda d, r=residual, J=rows: r + J @ d, np.zeros(7),
+                jac=lambda d, J=rows: J, loss="soft_l1", f_scale=soft,
+                x_scale=EXPECTED,
             )  # fmt: skip
-            x = found.x
-        residual, rows = self._residuals(x, chosen)
+            x = x + step.x
+        residual, rows = self._residuals(x, capture)
         return self._result(x, residual[:-7], rows[:-7])
 
-    def _chosen(self, frame: Measured, x: Floats, capture: float) -> NDArray[np.bool_]:
-        """Distances of whole surfaces whose residuals count."""
-        now = self.expected(frame, x)
-        with np.errstate(invalid="ignore"):
-            near = np.abs(frame.way - now.way) < capture
-        return np.asarray(near & now.whole)
+    def _residuals(self, x: Floats, capture: float) -> tuple[Floats, Floats]:
+        """Residuals by their standard deviations, and their derivatives.
 
-    def _residuals(
-        self, x: Floats, chosen: Sequence[NDArray[np.bool_]]
-    ) -> tuple[Floats, Floats]:
-        """Residuals by their standard deviations, and their derivatives."""
+        Args:
+            x: Shift, turn and delay.
+            capture: Greatest residual of a distance that counts [m].
+        """
         residuals, rows = [], []
-        for frame, at in zip(self._frames, chosen, strict=True):
+        for frame in self._frames:
+            now = self.expected(frame, x)
+            with np.errstate(invalid="ignore"):
+                off = frame.way - now.way
+                at = now.whole & (np.abs(off) < capture)
             if not at.any():
                 continue
-            part = frame._replace(rays=frame.rays[at], way=frame.way[at])
-            now = self.expected(part, x)
-            slope = self._slope(part, x)
             # The distance of an oblique surface is that of any part of a zone.
-            sigma = np.hypot(frame.sigma[at], TILTED * np.minimum(now.spread, 1.0))
-            good = np.isfinite(now.way)
-            line = np.hstack([now.rows, -slope[:, None]])
-            residuals.append(np.where(good, frame.way[at] - now.way, 0.0) / sigma)
-            rows.append(np.where(good[:, None], -line, 0.0) / sigma[:, None])
+            sigma = np.hypot(frame.sigma[at], TILTED * np.minimum(now.spread[at], 1.0))
+            slope = self._slope(frame, x)[at]
+            line = np.hstack([now.rows[at], -slope[:, None]])
+            residuals.append(off[at] / sigma)
+            rows.append(-line / sigma[:, None])
         residuals.append(x / EXPECTED)
         rows.append(np.diag(1.0 / EXPECTED))
         return np.concatenate(residuals), np.concatenate(rows)
