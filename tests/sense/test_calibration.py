@@ -214,5 +214,5 @@ def test_the_command_writes_postures_and_the_difference(tmp_path):
     again = CliRunner().invoke(app, [*command, "--play", str(play)])
     assert "+++ cell.yaml" in again.stdout
     assert "from its declared pose" in again.stdout
-    both = CliRunner().invoke(app, command)
-    assert both.exit_code == 2
+    neither = CliRunner().invoke(app, command)
+    assert "give --plan FILE for postures, or --play FILE" in str(neither.exception)

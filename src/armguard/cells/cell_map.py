@@ -1,7 +1,7 @@
 """A map of cells that depth sensors fill."""
 
 from collections.abc import Iterable, Iterator
-from math import inf, isfinite, tan
+from math import inf, tan
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +13,20 @@ from armguard.cells.carve import carve
 from armguard.cells.clearing import pass_occupied, pass_only_occupied
 from armguard.cells.deltas import Delta, take_deltas
 from armguard.cells.evidence import settle
+from armguard.cells.forgetting import forget_cells
 from armguard.cells.given import (
+    camera_of,
     check_frame,
+    check_size,
     checked_pose,
     depths_of,
     pair_of,
     rays_of,
     reaches_of,
 )
-from armguard.cells.grid import packed
 from armguard.cells.hits import hit_pixels
 from armguard.cells.masks import clear_masks, mask_shape
-from armguard.cells.octomap import add_boxes, read_leaves
+from armguard.cells.octomap_words import tree_words
 from armguard.cells.pyramid import Pyramid, empty_pyramid, fill_pyramid
 from armguard.cells.rays import cast_rays
 from armguard.cells.state import ARRIVAL_SIDE, Words, empty_evidence, empty_look
@@ -36,9 +38,6 @@ from armguard.record import Records, records
 from armguard.table import IntVector, Ledger
 
 Floats = NDArray[np.float64]
-
-# Sums of shares of cells are rounded [-].
-ROUND_OFF = 1e-4
 
 # Sizes of images for which room is kept.
 MOST_IMAGE_SIZES = 8
@@ -85,12 +84,8 @@ class CellMap(CellView):
         intruder_speed: float | None = None, settles: float = 0.5,
     ) -> None:  # fmt: skip
         super().__init__(centre, cell, size)
-        if intruder_speed is not None and not 0.0 <= intruder_speed < inf:
-            raise CellMapError(
-                f"intruder_speed is {intruder_speed}; it must be at least 0 [m/s]"
-            )
-        if not 0.0 <= settles < inf:
-            raise CellMapError(f"settles is {settles}; it must be at least 0 [s]")
+        check_size("intruder_speed", intruder_speed or 0.0, "m/s")
+        check_size("settles", settles, "s")
         self.intruder_speed, self.settles = intruder_speed, float(settles)
         words = len(self.claims.stamp)
         blocks = 0 if intruder_speed is None else words // 8
@@ -132,11 +127,7 @@ class CellMap(CellView):
             CellMapError: An image or a number is not as above.
         """
         T = checked_pose("T_world_camera", T_world_camera)
-        focals, middle = pair_of("focal", focal), pair_of("centre", centre)
-        if not all(0.0 < one < inf for one in focals):
-            raise CellMapError(f"focal is {focal}; it must be positive [pixels]")
-        if not isfinite(sum(middle)):
-            raise CellMapError(f"centre is {centre}; it must be two finite numbers")
+        focals, middle = camera_of(focal, centre)
         check_frame(stamp, reach, error)
         depths = depths_of(image)
         camera: Any = self._look.camera
@@ -249,8 +240,7 @@ class CellMap(CellView):
             CellMapError: A length is negative or not finite, or a shape has no end.
         """
         for name, value in (("error", error), ("shell", shell)):
-            if not 0.0 <= value < inf:
-                raise CellMapError(f"{name} is {value}; it must be at least 0 [m]")
+            check_size(name, value, "m")
         rows = []
         for shape, pose in placed:
             if isinstance(shape, HalfSpace):
@@ -307,18 +297,10 @@ class CellMap(CellView):
             CellMapError: It cannot be read, or is no such tree.
         """
         check_frame(stamp, inf, 0.0)
-        boxes, occupied = read_leaves(Path(path))
-        boxes[:, :3] -= self.centre - 0.5 * self.size * self.cell
-        boxes /= self.cell
-        # Faces on those of cells must not fill the neighbours by rounding.
-        filled = [np.zeros(self.size**3, dtype=np.float32) for _ in range(2)]
-        for chosen, out in zip((occupied, ~occupied), filled, strict=True):
-            add_boxes(np.ascontiguousarray(boxes[chosen]), out)
-        edges = (self.size,) * 3
-        hit, free = (out.reshape(edges).transpose() for out in filled)
+        hits, passes = tree_words(Path(path), self.centre, self.cell, self.size)
         look = self._look
-        look.hits[:] = look.sure[:] = packed(hit > ROUND_OFF)
-        look.passes[:] = packed((free > 1.0 - ROUND_OFF) & (hit <= ROUND_OFF))
+        look.hits[:] = look.sure[:] = hits
+        look.passes[:] = passes
         touched = np.flatnonzero(look.hits | look.passes)
         look.touched[: len(touched)] = touched
         notes: Any = look.notes
@@ -369,6 +351,22 @@ class CellMap(CellView):
             raise CellMapError("a map without intruder_speed forgets nothing")
         check_frame(stamp, inf, 0.0)
         expire_words(float(stamp), self._evidence.lines, self._claims.lines)
+
+    def forget(self, middle: ArrayLike, radius: float, stamp: float) -> None:
+        """Forget known free cells of a ball: something is in it, at no known place.
+
+        Args:
+            middle: Middle of the ball, world, shape (3,) [m].
+            radius: Its radius [m].
+            stamp: When something was in it; what was seen later stays [s].
+
+        Raises:
+            CellMapError: A number is negative or not finite.
+        """
+        check_frame(stamp, inf, radius)
+        _, ball = rays_of(np.zeros((0, 3)), middle)
+        lines = self._evidence.lines, self._claims.lines
+        forget_cells(ball, float(radius), float(stamp), *lines)
 
     def _arrays(self) -> Iterator[NDArray[Any]]:
         """Arrays of the state; the first one is the lattice."""

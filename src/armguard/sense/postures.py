@@ -16,7 +16,7 @@ from armguard.sense.calibration import (
     rays_of,
     sensors_of,
 )
-from armguard.sense.surfaces import Surfaces
+from armguard.sense.surfaces import Surfaces, expected
 from armguard.sense.view import SIGMAS, View
 
 Floats = NDArray[np.float64]

@@ -9,6 +9,8 @@ from armguard.geometry.shapes import shape_row
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
+from armguard.scene.sensors import SceneSensor
+from armguard.sense.alignment import rotation
 from armguard.sense.ranging import cast, nearest, place_rows
 from armguard.sense.world import balls_about, points_at
 
@@ -116,3 +118,68 @@ class Surfaces:
         facing = np.maximum(-(normal * ways).sum(axis=1), GRAZING)
         rest = np.where(np.isfinite(near[:, 0]), near[:, 0] / facing, 0.0)
         return Met(out[:, 0] + rest, out[:, 1].astype(np.int32), normal)
+
+
+class Expected(NamedTuple):
+    """Distances that are expected of a frame, with their derivatives.
+
+    Attributes:
+        way: The distances along the axis of the sensor, or along rays of points, infinite without a surface, shape (z,).
+        whole: Whether all rays of the zone meet one surface, and none only grazes it,
+            shape (z,).
+        spread: Farthest less nearest of its rays, shape (z,) [m].
+        rows: Derivatives by shift and turn of the entry, shape (z, 6).
+    """
+
+    way: Floats
+    whole: NDArray[np.bool_]
+    spread: Floats
+    rows: Floats
+
+
+def expected(
+    surfaces: Surfaces, sensor: SceneSensor, rays: Floats, q: Floats, x: Floats
+) -> Expected:
+    """Distances of rays of a sensor.
+
+    Args:
+        surfaces: What it sees.
+        sensor: The sensor.
+        rays: Rays of each zone, unit vectors, shape (z, r, 3).
+        q: Joint positions [rad or m].
+        x: Shift [m] and turn [rad] of its entry, shape (6,) or more.
+    """
+    placed = surfaces.at(q)
+    base = np.eye(4)
+    if sensor.on is not None:
+        frame = surfaces.tables.links[sensor.on]
+        base[:3] = placed.T_world[frame.body].reshape(3, 4)
+        base = base @ frame.T_body_link
+    entry, X = base @ sensor.mount.matrix(), np.eye(4)
+    X[:3, :3], X[:3, 3] = rotation(x[3:6]), x[:3]
+    inner = np.linalg.inv(sensor.mount.matrix()) @ sensor.pose.matrix()
+    T = entry @ X @ inner
+    zones, count, _ = rays.shape
+    ways = rays.reshape(-1, 3) @ T[:3, :3].T
+    met = surfaces.meet(placed, T[:3, 3], ways, 2.0 * sensor.range[1])
+    along = rays[:, :, 2] if sensor.form != "points" else np.ones(rays.shape[:2])
+    way = met.way.reshape(zones, count) * along
+    which = met.which.reshape(zones, count)
+    whole = (which == which[:, :1]).all(axis=1) & (which[:, 0] >= 0)
+    # A zone has the distance at which its share is filled.
+    order = np.argsort(way, axis=1)
+    place = max(int(np.ceil(sensor.fill * count)), 1) - 1
+    picked = order[:, place] + count * np.arange(zones)
+    normal, there = met.normal[picked], ways[picked]
+    facing = (normal * there).sum(axis=1)
+    whole &= facing < -GRAZING
+    facing = np.minimum(facing, -GRAZING)
+    far = np.where(np.isfinite(met.way[picked]), met.way[picked], 0.0)
+    # By a turn about the entry the origin of a sensor moves as well.
+    turned = T[:3, 3] + far[:, None] * there - entry[:3, 3] - entry[:3, :3] @ x[:3]
+    scale = -along.reshape(-1)[picked] / facing
+    rows = np.hstack([normal, np.cross(turned, normal)]) * scale[:, None]
+    with np.errstate(invalid="ignore"):
+        spread = np.where(whole, way.max(axis=1) - way.min(axis=1), np.inf)
+    frames = np.kron(np.eye(2), entry[:3, :3])
+    return Expected(way.reshape(-1)[picked], whole, spread, rows @ frames)
