@@ -358,7 +358,7 @@ class CellMap(CellView):
         Args:
             middle: Middle of the ball, world, shape (3,) [m].
             radius: Its radius [m].
-            stamp: When something was in it; what was seen later stays [s].
+            stamp: When something was in it; cells that were seen later stay [s].
 
         Raises:
             CellMapError: A number is negative or not finite.

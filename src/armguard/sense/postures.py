@@ -12,7 +12,6 @@ from armguard.sense.calibration import (
     EXPECTED,
     POSTURES,
     TILTED,
-    expected,
     rays_of,
     sensors_of,
 )

@@ -124,7 +124,8 @@ class Expected(NamedTuple):
     """Distances that are expected of a frame, with their derivatives.
 
     Attributes:
-        way: The distances along the axis of the sensor, or along rays of points, infinite without a surface, shape (z,).
+        way: The distances along the axis of the sensor, or along rays of points,
+            infinite without a surface, shape (z,) [m].
         whole: Whether all rays of the zone meet one surface, and none only grazes it,
             shape (z,).
         spread: Farthest less nearest of its rays, shape (z,) [m].
