@@ -1,6 +1,6 @@
 """Infrared sensors, capacitive pads, and the calibration of sensors.
 
-make sensors-campaign                              as published, about an hour of a core
+make sensors-campaign                              as published, some minutes of a core
 make sensors-campaign ARGS="--only infrared"       one part
 make sensors-campaign ARGS="--share 0.01"          fewer trials, nothing is written
 
@@ -23,7 +23,7 @@ BEGIN, END = "<!-- sensors -->\n", "<!-- end of sensors -->"
 FILE = DOCS / "sensors.json"
 
 # Calibrations of each sensor.
-SEEDS = 8
+SEEDS = 3
 
 
 def calibrations(share: float) -> list[dict[str, Any]]:
@@ -37,7 +37,7 @@ PARTS: dict[str, Callable[[float], Any]] = {
     "infrared": lambda share: {
         "given": infrared.given(round(share * 100_000)),
         "unknown": infrared.unknown(round(share * 100_000)),
-        "approaches": infrared.approaches(round(share * 2000)),
+        "approaches": infrared.approaches(round(share * 600)),
     },
     "pads": lambda share: pads.approaches(round(share * 1000)),
     "own": lambda share: pads.own_motion(share * 60.0),

@@ -23,7 +23,7 @@ Ints = NDArray[np.int64]
 POSTURES, APART = 24, 0.1
 
 # Frames that are used at most, distances of each, and rays along each edge of a zone.
-MOST, MOST_RAYS, RAYS = 400, 100, 4
+MOST, MOST_RAYS, RAYS = 200, 100, 4
 
 # Of each round: residuals that count [m], and how many of their standard deviations
 # count in full [-].
