@@ -49,7 +49,7 @@ def test_words_of_several_sensors_are_withdrawn_by_cells_and_forgotten_whole(cel
     feed(cells, NOTHING, PART, 0.2, source=3)
     cells.withdraw(3)
     assert np.array_equal(cells.known_free(), (FIRST | SECOND) & ~PART)
-    cells.forget(3)
+    cells.withdraw(3, all_frames=True)
     shared = block((8, 16), (8, 40), (8, 40))
     assert np.array_equal(cells.known_free(), (FIRST | SECOND) & ~shared)
 
@@ -71,7 +71,7 @@ def test_occupied_cells_and_own_links_keep_what_they_have(cells):
     # The insides of links were passed by the frame with the hit.
     kept = (passed | (own & FIRST)) & ~hits
     assert np.array_equal(cells.known_free(), (SECOND | kept) & ~hits)
-    cells.forget(1)
+    cells.withdraw(1, all_frames=True)
     assert np.array_equal(cells.occupied(), hits)
     assert cells.known_free()[kept].all()
 
@@ -96,6 +96,5 @@ def test_the_last_frames_are_withdrawn_and_no_older_ones():
 @pytest.mark.parametrize("source", [0, 255, -1])
 def test_no_number_of_a_sensor_is_refused(source):
     made = ag.CellMap((0, 0, 0), 0.02, SIDE)
-    for refused in (made.withdraw, made.forget):
-        with pytest.raises(ag.CellMapError, match="must be 1 to 254"):
-            refused(source)
+    with pytest.raises(ag.CellMapError, match="must be 1 to 254"):
+        made.withdraw(source)

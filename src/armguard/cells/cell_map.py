@@ -1,7 +1,7 @@
 """A map of cells that depth sensors fill."""
 
 from collections.abc import Iterable
-from math import inf, isfinite, tan
+from math import inf, tan
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from armguard.cells.carve import carve
 from armguard.cells.clearing import pass_occupied, pass_only_occupied
 from armguard.cells.given import (
+    camera_of,
     check_frame,
+    check_size,
     checked_pose,
     depths_of,
     pair_of,
     rays_of,
     reaches_of,
 )
-from armguard.cells.grid import packed
 from armguard.cells.hits import hit_pixels
 from armguard.cells.masks import clear_masks, mask_shape
-from armguard.cells.octomap import add_boxes, read_leaves
+from armguard.cells.octomap_words import tree_words
 from armguard.cells.pyramid import Pyramid, empty_pyramid, fill_pyramid
 from armguard.cells.rays import cast_rays
 from armguard.cells.settled import SettledCells
@@ -35,9 +36,6 @@ from armguard.geometry.shapes import HalfSpace, Shape, shape_row
 from armguard.table import IntVector, Ledger
 
 Floats = NDArray[np.float64]
-
-# Sums of shares of cells are rounded [-].
-ROUND_OFF = 1e-4
 
 # Sizes of images for which room is kept.
 MOST_IMAGE_SIZES = 8
@@ -123,11 +121,7 @@ class CellMap(SettledCells):
             CellMapError: An image or a number is not as above.
         """
         T = checked_pose("T_world_camera", T_world_camera)
-        focals, middle = pair_of("focal", focal), pair_of("centre", centre)
-        if not all(0.0 < one < inf for one in focals):
-            raise CellMapError(f"focal is {focal}; it must be positive [pixels]")
-        if not isfinite(sum(middle)):
-            raise CellMapError(f"centre is {centre}; it must be two finite numbers")
+        focals, middle = camera_of(focal, centre)
         check_frame(stamp, reach, error)
         depths = depths_of(image)
         camera: Any = self._look.camera
@@ -241,8 +235,7 @@ class CellMap(SettledCells):
             CellMapError: A length is negative or not finite, or a shape has no end.
         """
         for name, value in (("error", error), ("shell", shell)):
-            if not 0.0 <= value < inf:
-                raise CellMapError(f"{name} is {value}; it must be at least 0 [m]")
+            check_size(name, value, "m")
         rows = []
         for shape, pose in placed:
             if isinstance(shape, HalfSpace):
@@ -299,18 +292,10 @@ class CellMap(SettledCells):
             CellMapError: It cannot be read, or is no such tree.
         """
         check_frame(stamp, inf, 0.0)
-        boxes, occupied = read_leaves(Path(path))
-        boxes[:, :3] -= self.centre - 0.5 * self.size * self.cell
-        boxes /= self.cell
-        # Faces on those of cells must not fill the neighbours by rounding.
-        filled = [np.zeros(self.size**3, dtype=np.float32) for _ in range(2)]
-        for chosen, out in zip((occupied, ~occupied), filled, strict=True):
-            add_boxes(np.ascontiguousarray(boxes[chosen]), out)
-        edges = (self.size,) * 3
-        hit, free = (out.reshape(edges).transpose() for out in filled)
+        hits, passes = tree_words(Path(path), self.centre, self.cell, self.size)
         look = self._look
-        look.hits[:] = look.sure[:] = packed(hit > ROUND_OFF)
-        look.passes[:] = packed((free > 1.0 - ROUND_OFF) & (hit <= ROUND_OFF))
+        look.hits[:] = look.sure[:] = hits
+        look.passes[:] = passes
         touched = np.flatnonzero(look.hits | look.passes)
         look.touched[: len(touched)] = touched
         notes: Any = look.notes

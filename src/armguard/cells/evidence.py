@@ -150,7 +150,7 @@ def settle(
 
 
 @kernel
-def forget_cells(word: int, cells: np.uint64, evidence: Evidence, out: Claims) -> None:
+def make_unknown(word: int, cells: np.uint64, evidence: Evidence, out: Claims) -> None:
     """Make cells of a word unknown, unless they are occupied."""
     before = out.unknown.words[word]
     unknown: np.uint64 = before | cells & ~out.occupied.words[word]
@@ -183,11 +183,11 @@ def withdraw(
         word = int(words[k])
         if claims.source[word] == source or claims.source[word] == SEVERAL:
             own = look.inside[word] | look.shell[word]
-            forget_cells(word, passes[k] & ~own, evidence, claims)
+            make_unknown(word, passes[k] & ~own, evidence, claims)
 
 
 @kernel(inline=False, entry=True)
-def forget(
+def withdraw_all(
     source: int, look_lines: LongVector, evidence_lines: LongVector,
     claims_lines: LongVector,
 ) -> None:  # fmt: skip
@@ -206,4 +206,4 @@ def forget(
     for word in range(claims.stamp.shape[0]):
         if claims.source[word] == source or claims.source[word] == SEVERAL:
             own = look.inside[word] | look.shell[word]
-            forget_cells(word, ~own, evidence, claims)
+            make_unknown(word, ~own, evidence, claims)

@@ -27,6 +27,22 @@ def pair_of(name: str, given: float | tuple[float, float]) -> tuple[float, float
         raise CellMapError(f"{name} is {given!r}; it must be two numbers") from None
 
 
+def camera_of(
+    focal: float | tuple[float, float], centre: tuple[float, float]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Focal lengths and principal point of a camera [pixels].
+
+    Raises:
+        CellMapError: A focal length is not positive, or a number is not finite.
+    """
+    focals, middle = pair_of("focal", focal), pair_of("centre", centre)
+    if not all(0.0 < one < inf for one in focals):
+        raise CellMapError(f"focal is {focal}; it must be positive [pixels]")
+    if not isfinite(sum(middle)):
+        raise CellMapError(f"centre is {centre}; it must be two finite numbers")
+    return focals, middle
+
+
 def checked_pose(name: str, pose: Pose | ArrayLike) -> Floats:
     """A finite pose as a transform, shape (4, 4).
 
@@ -34,6 +50,16 @@ def checked_pose(name: str, pose: Pose | ArrayLike) -> Floats:
         PoseError: It is no rigid transform.
     """
     return transform_of(pose) if isinstance(pose, Pose) else check_transform(name, pose)
+
+
+def check_size(name: str, value: float, unit: str) -> None:
+    """Refuse a number that is negative or not finite.
+
+    Raises:
+        CellMapError: It is.
+    """
+    if not 0.0 <= value < inf:
+        raise CellMapError(f"{name} is {value}; it must be at least 0 [{unit}]")
 
 
 def check_frame(stamp: float, reach: float, error: float) -> None:
@@ -46,8 +72,7 @@ def check_frame(stamp: float, reach: float, error: float) -> None:
         raise CellMapError(f"stamp is {stamp}; it must be finite [s]")
     if not reach > 0.0:
         raise CellMapError(f"reach is {reach}; it must be positive [m]")
-    if not 0.0 <= error < inf:
-        raise CellMapError(f"error is {error}; it must be at least 0 [m]")
+    check_size("error", error, "m")
 
 
 def rays_of(points: ArrayLike, origin: ArrayLike) -> tuple[Floats, Floats]:

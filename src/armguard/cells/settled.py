@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.cells.arrival import expire_words, raise_arrivals
 from armguard.cells.deltas import Delta, take_deltas
-from armguard.cells.evidence import forget, settle, withdraw
-from armguard.cells.given import check_frame, check_source
+from armguard.cells.evidence import settle, withdraw, withdraw_all
+from armguard.cells.forgetting import forget_cells
+from armguard.cells.given import check_frame, check_size, check_source, rays_of
 from armguard.cells.state import (
     ARRIVAL_SIDE,
     NO_SENSOR,
@@ -54,12 +55,8 @@ class SettledCells(CellView):
         intruder_speed: float | None, settles: float,
     ) -> None:  # fmt: skip
         super().__init__(centre, cell, size)
-        if intruder_speed is not None and not 0.0 <= intruder_speed < inf:
-            raise CellMapError(
-                f"intruder_speed is {intruder_speed}; it must be at least 0 [m/s]"
-            )
-        if not 0.0 <= settles < inf:
-            raise CellMapError(f"settles is {settles}; it must be at least 0 [s]")
+        check_size("intruder_speed", intruder_speed or 0.0, "m/s")
+        check_size("settles", settles, "s")
         self.intruder_speed, self.settles = intruder_speed, float(settles)
         words = len(self.claims.stamp)
         blocks = 0 if intruder_speed is None else words // 8
@@ -113,39 +110,43 @@ class SettledCells(CellView):
         check_frame(stamp, inf, 0.0)
         expire_words(float(stamp), self._evidence.lines, self._claims.lines)
 
-    def withdraw(self, source: int) -> None:
-        """Make the cells unknown again that the last frames of a sensor have freed.
+    def forget(self, middle: ArrayLike, radius: float, stamp: float) -> None:
+        """Forget known free cells of a ball: something is in it, at no known place.
 
-        Of words that another sensor has wholly looked at since, and of own links, see
-        `own`, cells keep what they have. So does space that the sensor saw before.
+        Args:
+            middle: Middle of the ball, world, shape (3,) [m].
+            radius: Its radius [m].
+            stamp: When something was in it; cells that were seen later stay [s].
+
+        Raises:
+            CellMapError: A number is negative or not finite.
+        """
+        check_frame(stamp, inf, radius)
+        _, ball = rays_of(np.zeros((0, 3)), middle)
+        lines = self._evidence.lines, self._claims.lines
+        forget_cells(ball, float(radius), float(stamp), *lines)
+
+    def withdraw(self, source: int, *, all_frames: bool = False) -> None:
+        """Make the cells unknown again that a sensor has freed.
+
+        Those of its last four frames, but for words that another sensor has wholly
+        looked at since: what the sensor saw before stays. Or all words that it was the
+        last to look at, or one of the last. Cells of own links, see `own`, keep what
+        they have.
 
         Args:
             source: Number that was given to `depth`, 1 to 254.
+            all_frames: Whether all of its frames count.
 
         Raises:
             CellMapError: It is no such number.
         """
         check_source(source)
+        lines = self._frame.lines, self._evidence.lines, self._claims.lines
         for words, passes in self._passed.pop(source, ()):
-            withdraw(
-                int(source), words, passes,
-                self._frame.lines, self._evidence.lines, self._claims.lines,
-            )  # fmt: skip
-
-    def forget(self, source: int) -> None:
-        """Make all space unknown again that a sensor was the last to look at.
-
-        So does space of which it and others have each looked at a part. Cells of own
-        links, see `own`, keep what they have.
-
-        Args:
-            source: Number that was given to `depth`, 1 to 254.
-
-        Raises:
-            CellMapError: It is no such number.
-        """
-        check_source(source)
-        forget(int(source), self._frame.lines, self._evidence.lines, self._claims.lines)
+            withdraw(int(source), words, passes, *lines)
+        if all_frames:
+            withdraw_all(int(source), *lines)
 
     def _arrays(self) -> Iterator[NDArray[Any]]:
         """Arrays of the state; the first one is the lattice."""

@@ -12,7 +12,7 @@ from armguard.cli.replay import replay
 from armguard.cli.report import report
 from armguard.cli.reset import reset
 from armguard.cli.run import run
-from armguard.cli.sense import sense
+from armguard.cli.sensing import sensing
 from armguard.cli.serve import serve
 from armguard.cli.verify import verify
 from armguard.cli.view import view
@@ -36,12 +36,13 @@ for command in (
     reset,
     view,
     replay,
-    sense,
     report,
     batch,
     chaos,
 ):
     app.command()(command)
+
+app.add_typer(sensing, name="sense")
 
 
 @app.callback(invoke_without_command=True)

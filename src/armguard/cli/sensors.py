@@ -97,7 +97,7 @@ def frame_at(sensor: SceneSensor, distance: float) -> NDArray[np.float64]:
 
     A cloud is as dense as declared within 45° about the axis.
     """
-    if sensor.form == "beam":
+    if sensor.form in ("beam", "infrared", "capacitive"):
         return np.array(distance)
     if sensor.form == "points":
         slope = np.arange(-0.41, 0.41, sensor.spacing)

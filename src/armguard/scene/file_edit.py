@@ -209,7 +209,7 @@ def with_value(text: str, mapping: Node, key: str, value: str) -> str:
     found = item(mapping, key)
     if found is not None:
         start, end = found[1].start_mark.index, found[1].end_mark.index
-        if found[1].flow_style is not True and isinstance(found[1], MappingNode):
+        if isinstance(found[1], MappingNode) and found[1].flow_style is not True:
             lines = text.splitlines(keepends=True)
             last = last_line(lines, found)
             end = len("".join(lines[: last + 1]).rstrip())

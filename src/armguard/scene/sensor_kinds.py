@@ -8,11 +8,14 @@ from typing import Literal
 Along = Literal["axis", "ray"]
 
 # The form of its frames: distances of zones; a depth image; points, each with a ray
-# from the sensor; one distance within a cone.
-Form = Literal["zones", "image", "points", "beam"]
+# from the sensor; one distance within a cone; the signal of an infrared sensor, or of a
+# capacitive pad.
+Form = Literal["zones", "image", "points", "beam", "infrared", "capacitive"]
 
 # "tof": any array of zones that each measure a distance by time of flight.
-KindName = Literal["tof", "vl53l5cx", "vl53l8cx", "depth", "points", "range"]
+KindName = Literal[
+    "tof", "vl53l5cx", "vl53l8cx", "depth", "points", "range", "infrared", "capacitive"
+]
 
 Pair = tuple[float, float]
 
@@ -43,7 +46,8 @@ class SensorKind:
         range: Least and greatest distance that it measures [m].
         error: How far off a distance, or the place of a zone, may be, beside its
             noise [m].
-        noise: Standard deviation of a distance d: the sum of noise[k] · dᵏ [m].
+        noise: Standard deviation of a distance or a signal d: the sum of
+            noise[k] · dᵏ [m or V].
         period: Time from frame to frame [s].
         delay: Time from the measurement to the stamp of its frame [s].
         jitter: How much that time may differ from frame to frame [s].
@@ -51,6 +55,12 @@ class SensorKind:
         merge: Two surfaces nearer together than this may give one distance between
             them [m].
         spacing: Greatest angle between neighbouring rays of points [rad].
+        gain: k of the signal V = k ρ cos θ / (d + δ)² of an infrared sensor [V m²], or
+            of a pad: its signal if all before it is filled.
+        offset: δ of that signal, or the radius of a pad [m].
+        reflectance: Least and greatest reflectance ρ of what may come [-].
+        tilt: Greatest angle of incidence θ [rad].
+        drift: How fast the signal of a pad may drift, in units of its gain [1/s].
         along: What a distance is measured along.
         codes: What the status of a zone says.
     """
@@ -67,6 +77,11 @@ class SensorKind:
     fill: float = 0.25
     merge: float = 0.6
     spacing: float = 0.0
+    gain: float = 0.0
+    offset: float = 0.0
+    reflectance: Pair = (1.0, 1.0)
+    tilt: float = 0.0
+    drift: float = 0.0
     along: Along = "axis"
     codes: Codes = Codes(valid=(0,), doubtful=(), nothing=(1,))
 
@@ -129,5 +144,37 @@ KINDS: dict[KindName, SensorKind] = {
         period=0.05,
         along="ray",
         merge=0.0,
+    ),
+    # An emitter and a detector of infrared light. Reflectances are those of black
+    # rubber and of white paper.
+    "infrared": SensorKind(
+        form="infrared",
+        view=(0.35, 0.35),
+        range=(0.01, 0.5),
+        error=0.002,
+        noise=(0.0001, 0.01, 0.0),
+        period=0.01,
+        jitter=0.001,
+        merge=0.0,
+        along="ray",
+        gain=0.02,
+        offset=0.01,
+        reflectance=(0.04, 0.88),
+        tilt=0.5,
+    ),
+    # A pad with a driven shield behind it.
+    "capacitive": SensorKind(
+        form="capacitive",
+        view=(2.1, 2.1),
+        range=(0.005, 0.3),
+        error=0.002,
+        noise=(0.0003, 0.0, 0.0),
+        period=0.02,
+        jitter=0.001,
+        merge=0.0,
+        along="ray",
+        gain=1.0,
+        offset=0.03,
+        drift=0.00005,
     ),
 }

@@ -26,6 +26,7 @@ from armguard.scene.sensor_kinds import KINDS, Along, Codes, Form, KindName, Pai
 WIDEST = 0.9 * pi
 
 Distance = Annotated[Positive, at_most(20.0, "m")]
+Share = Annotated[Positive, Field(le=1.0)]
 Seconds = Annotated[Positive, SECONDS]
 Delay = Annotated[NotNegative, SECONDS]
 View = Annotated[Positive, at_most(WIDEST, "rad")]
@@ -38,6 +39,8 @@ OF_FORMS: dict[Form, tuple[str, ...]] = {
     "image": ("size", "focal", "middle"),
     "points": ("spacing",),
     "beam": ("angle",),
+    "infrared": ("angle", "gain", "offset", "reflectance", "tilt"),
+    "capacitive": ("gain", "offset", "drift"),
 }
 
 # Parts of the cone of a beam along each edge of a square about it.
@@ -85,19 +88,28 @@ class SensorSettings:
         kind: "tof": an array of zones that each measure a distance by time of flight;
             "vl53l5cx" and "vl53l8cx": such arrays of ST; "depth": a depth camera;
             "points": a lidar, or any sensor that gives points; "range": one distance
-            within a cone. The kind has figures of all that is not set.
+            within a cone; "infrared": the signal of light that comes back;
+            "capacitive": the signal of a pad. The kind has figures of all that is not
+            set.
         zones: Columns and rows of its zones.
         view: Angle of its view along the columns and along the rows [rad].
         size: Columns and rows of the pixels of a depth camera.
         focal: Its focal length, required for a depth camera [pixels].
         middle: Column and row of its principal point; by default that of the image
             [pixels].
-        angle: Opening angle of the cone of a single distance [rad].
+        angle: Opening angle of the cone of a single distance or signal [rad].
         spacing: Greatest angle between neighbouring rays of points [rad].
+        gain: k of the signal V = k ρ cos θ / (d + δ)² of an infrared sensor [V m²], or
+            of a pad: its signal if all before it is filled.
+        offset: δ of that signal, or the radius of a pad [m].
+        reflectance: Least and greatest reflectance ρ of what may come [-].
+        tilt: Greatest angle of incidence θ [rad].
+        drift: How fast the signal of a pad may drift, in units of its gain [1/s].
         range: Least and greatest distance that it measures [m].
         error: How far off a distance, or the place of a zone, may be, beside its
             noise [m].
-        noise: Standard deviation of a distance d, as a + b·d + c·d² [m].
+        noise: Standard deviation of a distance or a signal d, as a + b·d + c·d² [m or
+            V].
         period: Time from frame to frame [s].
         delay: Time from the measurement to the stamp of its frame [s].
         jitter: How much that time may differ from frame to frame [s].
@@ -118,6 +130,11 @@ class SensorSettings:
     middle: Annotated[tuple[Number, Number], counted(2)] | None = None
     angle: View | None = None
     spacing: View | None = None
+    gain: Positive | None = None
+    offset: Annotated[Positive, METRES] | None = None
+    reflectance: Annotated[tuple[Share, Share], counted(2)] | None = None
+    tilt: Annotated[NotNegative, at_most(1.4, "rad")] | None = None
+    drift: NotNegative | None = None
     range: Annotated[tuple[Distance, Distance], counted(2)] | None = None
     error: Annotated[NotNegative, METRES] | None = None
     noise: (
@@ -135,6 +152,9 @@ class SensorSettings:
         if self.range is not None and self.range[0] >= self.range[1]:
             least, greatest = self.range
             raise ValueError(f"range is {least} to {greatest} m; it must rise")
+        if self.reflectance is not None and self.reflectance[0] > self.reflectance[1]:
+            least, greatest = self.reflectance
+            raise ValueError(f"reflectance is {least} to {greatest}; it must not fall")
         form = KINDS[self.kind].form
         own = OF_FORMS[form]
         for key in (key for keys in OF_FORMS.values() for key in keys):
@@ -154,8 +174,10 @@ class SceneSensor:
 
     Attributes:
         name: Its name; sensor k of a ring is 'NAME/k'.
+        entry: Name of its entry: of the sensor, or of its ring.
         on: 'robot/link' that carries it; None if it is fixed in the world.
         kind: Its kind.
+        mount: Frame of its entry: that of the sensor, or of its ring.
         pose: Its frame in the link that carries it, or in the world: it looks along z,
             its columns follow x, its rows y.
         form: The form of its frames.
@@ -172,13 +194,20 @@ class SceneSensor:
         fill: Share of a zone that an object has to fill [-].
         merge: Depth within which surfaces merge [m].
         spacing: Greatest angle between neighbouring rays of points [rad].
+        gain: See `SensorKind`, from here to `drift`.
+        offset: Depth of the optical centre, or radius of a pad [m].
+        reflectance: Least and greatest reflectance [-].
+        tilt: Greatest angle of incidence [rad].
+        drift: How fast the signal may drift [1/s].
         along: What a distance is measured along.
         codes: What the status of a zone says.
     """
 
     name: str
+    entry: str
     on: str | None
     kind: KindName
+    mount: Pose
     pose: Pose
     form: Form
     zones: tuple[int, int]
@@ -194,6 +223,11 @@ class SceneSensor:
     fill: float
     merge: float
     spacing: float
+    gain: float
+    offset: float
+    reflectance: Pair
+    tilt: float
+    drift: float
     along: Along
     codes: Codes
 
@@ -201,6 +235,11 @@ class SceneSensor:
     def image(self) -> bool:
         """Whether it has pixels of a pinhole camera."""
         return self.form == "image"
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it gives one distance or signal of all that is within a cone."""
+        return self.form in ("beam", "infrared")
 
 
 def scene_sensors(name: str, settings: SensorSettings, pose: Pose) -> list[SceneSensor]:
@@ -220,7 +259,7 @@ def scene_sensors(name: str, settings: SensorSettings, pose: Pose) -> list[Scene
         for field in fields(kind)
     }
     columns, rows = figures["zones"] = settings.size or figures["zones"]
-    if kind.form == "beam":
+    if kind.form in ("beam", "infrared"):
         columns, rows = figures["zones"] = PARTS, PARTS
         figures["view"] = (settings.angle or kind.view[0],) * 2
     if kind.form == "image":
@@ -233,7 +272,7 @@ def scene_sensors(name: str, settings: SensorSettings, pose: Pose) -> list[Scene
         across, along = figures["view"]
         focal = (0.5 * columns / tan(across / 2.0), 0.5 * rows / tan(along / 2.0))
     middle = settings.middle or (0.5 * (columns - 1), 0.5 * (rows - 1))
-    figures |= {"on": settings.on, "kind": settings.kind}
+    figures |= {"entry": name, "mount": pose, "on": settings.on, "kind": settings.kind}
     figures |= {"focal": focal, "middle": middle}
     if settings.ring is None:
         return [SceneSensor(name=name, pose=pose, **figures)]

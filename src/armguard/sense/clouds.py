@@ -164,7 +164,7 @@ def unpacked_lzf(data: bytes, size: int) -> bytes:
         start = len(out) - ((control & 31) << 8) - data[at] - 1
         at += 1
         if start < 0:
-            raise ValueError("its data refer to what is before them")
+            raise ValueError("its data refer to bytes before the first")
         # A copy may reach into itself: then it repeats.
         piece = out[start : start + length + 2]
         out += (piece * (-(-(length + 2) // len(piece))))[: length + 2]

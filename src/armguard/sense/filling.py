@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from armguard.cells.cell_map import CellMap
 from armguard.guard.monitor import Monitor
-from armguard.sense.frames import BadFrameError, Frame, Intake, Points
+from armguard.sense.capacitive import Capacitive
+from armguard.sense.frames import BadFrameError, Frame, Intake, Points, Signal
 from armguard.sense.history import JointHistory
 from armguard.sense.masking import Masks
 from armguard.sense.missing import MissingObjects
 from armguard.sense.prediction import Mount, Prediction, explained, mount_of, predict
 from armguard.sense.station import Station
-from armguard.sense.view import View
+from armguard.sense.view import SIGMAS, View
 from armguard.sense.world import Placed, World
 
 Floats = NDArray[np.float64]
@@ -61,7 +62,7 @@ class Filling:
         self._masks.forget(name)
 
     def take(
-        self, station: Station, found: Frame | Points, taken: float,
+        self, station: Station, found: Frame | Points | Signal, taken: float,
         history: JointHistory, since: float,
     ) -> Intake:  # fmt: skip
         """Let the map take a frame.
@@ -85,6 +86,11 @@ class Filling:
         now = Moment(taken, placed, mount_of(sensor, self._world, placed))
         claimed = taken - sensor.jitter
         fresh = self._cells.intruder_speed is not None or claimed >= since
+        if isinstance(found, Signal) and station.pad is not None:
+            self._take_pad(station.pad, station.view, found, now)
+            return Intake.TAKEN
+        if isinstance(found, Signal):
+            found = self._distances(station, found, now)
         if isinstance(found, Points):
             trusted = self._take_points(station, found, now, fresh)
         else:
@@ -122,10 +128,7 @@ class Filling:
         else:
             mount = mount_of(sensor, self._world, placed)
             self._masks.set(station.view, mount, placed, all_links=True)
-        if station.health.misled:
-            self._cells.forget(station.number)
-        else:
-            self._cells.withdraw(station.number)
+        self._cells.withdraw(station.number, all_frames=station.health.misled)
         station.freed = -inf
 
     def _take_frame(
@@ -134,7 +137,7 @@ class Filling:
         """Take zones, an image or a beam; whether it frees space."""
         view, health, (taken, placed, mount) = station.view, station.health, now
         prediction = predict(view, mount, placed, self._world)
-        beam = view.sensor.form == "beam"
+        beam = view.sensor.narrow
         # A beam has one distance, whose bits may well be those of the last one.
         repeated = not beam and station.tests.repeats(frame.depth, taken)
         hits = self._hits(view, mount, placed, frame, prediction)
@@ -158,6 +161,42 @@ class Filling:
             error=self._error(view, mount), source=station.number,
         )  # fmt: skip
         return trusted
+
+    def _distances(self, station: Station, found: Signal, now: Moment) -> Frame:
+        """The signal of an infrared sensor as a frame of distances."""
+        view, (taken, placed, mount) = station.view, now
+        sensor, finder = view.sensor, station.infrared
+        assert finder is not None
+        seen = finder.take(found.value, taken, mount.origin, mount.R[:, 2])
+        # What the brightest surface at the place of the model explains, is the model.
+        prediction = predict(view, mount, placed, self._world)
+        cone = view.cone[view.places]
+        way = (prediction.near / view.ways[:, 0, 2])[cone].min()
+        way -= sensor.error + mount.shift + mount.turn * min(way, sensor.range[1])
+        known = finder.signal(way, sensor.reflectance[1])
+        known += SIGMAS * finder.noise(known)
+        foreign = seen.near <= sensor.range[1] and found.value > known
+        hit = np.where(view.cone & foreign, seen.near / view.slopes, np.nan)
+        surely = max(seen.surely - sensor.error, 0.0) / view.slopes
+        none = np.zeros(view.slopes.shape, dtype=np.bool_)
+        negative = view.cone & (found.value < -SIGMAS * finder.noise(0.0))
+        return Frame(
+            hit, none, view.cone & (not foreign), negative,
+            np.where(view.cone, surely, np.nan),
+        )  # fmt: skip
+
+    def _take_pad(
+        self, pad: Capacitive, view: View, found: Signal, now: Moment
+    ) -> None:
+        """Take the signal of a pad: it only takes knowledge away."""
+        taken, placed, mount = now
+        prediction = predict(view, mount, placed, self._world)
+        shift = float(placed.shifts.max(initial=0.0))
+        known = pad.known(mount, prediction, view.sensor.error + shift)
+        radius = pad.take(found.value, taken, known)
+        if radius > 0.0:
+            error = view.sensor.error + mount.shift
+            self._cells.forget(mount.origin, radius + error, taken)
 
     def _take_points(
         self, station: Station, found: Points, now: Moment, fresh: bool
@@ -206,5 +245,5 @@ class Filling:
             kinds = self._world.kinds
             known = explained(view, mount, placed, kinds, frame, prediction)
             # A beam has one distance: what explains a part of it explains all.
-            counts &= ~(known.any() if view.sensor.form == "beam" else known)
+            counts &= ~(known.any() if view.sensor.narrow else known)
         return np.where(counts, frame.depth, np.nan)

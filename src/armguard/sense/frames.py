@@ -58,12 +58,25 @@ class Frame(NamedTuple):
         nothing: Where nothing is within range.
         impossible: Where the value cannot be: it is negative, or its status says that
             it was measured and it is no number.
+        surely: Depths up to which nothing is, where they do not follow from `depth`
+            [m].
     """
 
     depth: Floats
     firm: Bools
     nothing: Bools
     impossible: Bools
+    surely: Floats | None = None
+
+
+class Signal(NamedTuple):
+    """A signal of an infrared sensor or of a pad.
+
+    Attributes:
+        value: The signal [V, or in units of the gain].
+    """
+
+    value: float
 
 
 class Points(NamedTuple):
@@ -165,6 +178,18 @@ def points_of(sensor: SceneSensor, values: ArrayLike) -> Points:
         way = np.linalg.norm(xyz, axis=1)
     counts = np.isfinite(way) & (way >= sensor.range[0])
     return Points(xyz[counts], way[counts] > sensor.range[1], len(xyz))
+
+
+def signal_of(value: ArrayLike) -> Signal:
+    """A signal.
+
+    Raises:
+        BadFrameError: It is no finite number.
+    """
+    found = numbers(np.atleast_1d(np.asarray(value)), "fiu", (1, 1))
+    if not np.isfinite(found.astype(np.float64)).all():
+        raise BadFrameError(Intake.WRONG_TYPE)
+    return Signal(float(found[0, 0]))
 
 
 def beam_of(

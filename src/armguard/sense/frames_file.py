@@ -18,7 +18,7 @@ from armguard.errors import RecordingError
 HEADER = np.dtype([("event", "u1"), ("name", "U64"), ("stamp", "f8"), ("arrays", "u1")])
 
 # Events: joint positions; frames by their form; the pose of a sensor in the world.
-JOINTS, ZONES, DEPTH, POINTS, RANGE, POSE = range(6)
+JOINTS, ZONES, DEPTH, POINTS, RANGE, POSE, INFRARED, CAPACITIVE = range(8)
 
 # Arrays of an event, and numbers of one of them at most.
 MOST_ARRAYS, MOST_NUMBERS = 2, 1 << 24
@@ -28,11 +28,11 @@ class Event(NamedTuple):
     """An event of a file.
 
     Attributes:
-        event: JOINTS, ZONES, DEPTH, POINTS, RANGE or POSE.
+        event: One of JOINTS to CAPACITIVE.
         name: Name of the sensor; "" for joint positions.
         stamp: Its stamp [s].
         arrays: Positions; distances and perhaps their status; depths; points; one
-            distance; or a transform.
+            distance or signal; or a transform.
     """
 
     event: int
@@ -92,7 +92,7 @@ def read_event(file: Any) -> Event:
     if header.dtype != HEADER or header.shape != ():
         raise ValueError("an event has no header")
     event, name, stamp, count = header.tolist()
-    if event > POSE or count > MOST_ARRAYS:
+    if event > CAPACITIVE or count > MOST_ARRAYS:
         raise ValueError(f"event {event} with {count} arrays is unknown")
     return Event(event, name, stamp, [read_array(file) for _ in range(count)])
 

@@ -209,7 +209,7 @@ class FrameTests:
         self._test_blind(self._valid(frame, depth, prediction), now)
         if frame.impossible.any():
             self._health.sign(Fault.UNUSABLE, now, "values that cannot be")
-        if self._view.sensor.form == "beam":
+        if self._view.sensor.narrow:
             # Its one distance is the least within the cone, and has no zones.
             return
         self._test_stuck(depth, prediction, now)

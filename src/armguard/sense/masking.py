@@ -79,7 +79,7 @@ class Masks:
         away = np.linalg.norm(placed.balls[:, :3] - mount.origin, axis=1)
         depth = np.minimum(away + placed.balls[:, 3], sensor.range[1])
         # The hits of zones are explained one by one, whatever their depth.
-        single = sensor.form in ("zones", "beam")
+        single = sensor.form == "zones" or sensor.narrow
         slack = np.full(len(depth), sensor.error) if single else view.slack(depth)
         slack += mount.shift + mount.turn * depth
         if sensor.name not in self._kept:

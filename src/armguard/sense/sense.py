@@ -22,7 +22,9 @@ from armguard.scene.sensor_kinds import Form
 from armguard.sense.filling import Filling
 from armguard.sense.frames import BadFrameError, Intake
 from armguard.sense.frames_file import (
+    CAPACITIVE,
     DEPTH,
+    INFRARED,
     JOINTS,
     POINTS,
     POSE,
@@ -50,6 +52,8 @@ EVENTS: dict[Form, int] = {
     "image": DEPTH,
     "points": POINTS,
     "beam": RANGE,
+    "infrared": INFRARED,
+    "capacitive": CAPACITIVE,
 }
 
 
@@ -201,6 +205,32 @@ class Sense:
             stamp: Its stamp [s].
         """
         return self._take(name, "beam", metres, None, stamp)
+
+    def infrared(self, name: str, volts: ArrayLike, stamp: float) -> Intake:
+        """Take the signal of an infrared sensor.
+
+        Args:
+            name: Name of the sensor.
+            volts: The signal, without that of other light [V].
+            stamp: Its stamp [s].
+        """
+        return self._take(name, "infrared", volts, None, stamp)
+
+    def capacitive(self, name: str, signal: ArrayLike, stamp: float) -> Intake:
+        """Take the signal of a capacitive pad.
+
+        Args:
+            name: Name of the pad.
+            signal: The signal, in units of its gain.
+            stamp: Its stamp [s].
+        """
+        return self._take(name, "capacitive", signal, None, stamp)
+
+    @property
+    def noticed(self) -> Mapping[str, float]:
+        """Pads that notice something, and the radius of the ball in which it is [m]."""
+        pads = {n: one.pad for n, one in self._stations.items() if one.pad is not None}
+        return MappingProxyType({n: p.radius for n, p in pads.items() if p.radius > 0})
 
     def frame(
         self, name: str, values: ArrayLike, status: ArrayLike | None, stamp: float

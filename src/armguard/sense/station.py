@@ -8,8 +8,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.geometry.pose import Pose
 from armguard.sense.alignment import Alignment
-from armguard.sense.frames import Frame, Points, beam_of, frame_of, points_of
+from armguard.sense.capacitive import Capacitive
+from armguard.sense.frames import (
+    Frame,
+    Points,
+    Signal,
+    beam_of,
+    frame_of,
+    points_of,
+    signal_of,
+)
 from armguard.sense.health import Fault, FrameTests, SensorHealth
+from armguard.sense.infrared import Infrared
 from armguard.sense.prediction import Mount, Prediction
 from armguard.sense.view import View
 from armguard.sense.world import Placed, World
@@ -27,6 +37,8 @@ class Station:
         view: Its view.
         health: Its health.
         tests: Tests of its frames.
+        infrared: Its signals as distances; None for other kinds.
+        pad: Its signals beside known bodies; None for other kinds.
         number: Its number in the claims of the map, from 1 on.
         freed: Time of the newest of its frames that has freed space which was not
             withdrawn since, minus infinity without any [s].
@@ -42,6 +54,9 @@ class Station:
         self.view, self.health = view, SensorHealth(view.sensor)
         self.tests = FrameTests(view, self.health)
         self._world, self.freed = world, -inf
+        form = view.sensor.form
+        self.infrared = Infrared(view.sensor) if form == "infrared" else None
+        self.pad = Capacitive(view) if form == "capacitive" else None
         self._begin_alignment()
 
     def _begin_alignment(self) -> None:
@@ -55,7 +70,9 @@ class Station:
         self.view.sensor = replace(self.view.sensor, pose=pose)
         self._begin_alignment()
 
-    def read(self, values: ArrayLike, status: ArrayLike | None) -> Frame | Points:
+    def read(
+        self, values: ArrayLike, status: ArrayLike | None
+    ) -> Frame | Points | Signal:
         """A frame of the sensor.
 
         Args:
@@ -68,6 +85,8 @@ class Station:
         view = self.view
         if view.sensor.form == "points":
             return points_of(view.sensor, values)
+        if view.sensor.form in ("infrared", "capacitive"):
+            return signal_of(values)
         if view.sensor.form == "beam":
             return beam_of(view.sensor, view.slopes, view.cone, values)
         return frame_of(view.sensor, view.slopes, values, status)

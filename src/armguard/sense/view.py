@@ -54,7 +54,7 @@ class View:
         self._x, self._y = np.meshgrid(x, y)
         self.slopes = np.sqrt(1.0 + self._x**2 + self._y**2)
         self.cone = np.ones((rows, columns), dtype=np.bool_)
-        if sensor.form == "beam":
+        if sensor.narrow or sensor.form == "capacitive":
             self.cone = self._corners(-0.5) < tan(0.5 * sensor.view[0])
         self.reach = min(sure_reach(sensor, size, cell), sensor.range[1])
         picked = (
@@ -65,7 +65,11 @@ class View:
         )
         i, j = np.meshgrid(*picked, indexing="ij")
         self.places = i.ravel(), j.ravel()
-        parts = np.zeros(1) if sensor.image else (np.arange(RAYS) + 0.5) / RAYS - 0.5
+        parts = (
+            np.zeros(1)
+            if sensor.form != "zones"
+            else (np.arange(RAYS) + 0.5) / RAYS - 0.5
+        )
         u, v = (part.ravel() for part in np.meshgrid(parts, parts))
         ways = np.stack(
             [
@@ -90,6 +94,9 @@ class View:
 
     def slack(self, depth: Floats) -> Floats:
         """How far off a distance may be by the sensor's error and its noise [m]."""
+        if self.sensor.form == "infrared":
+            # Its noise is that of the signal, and is in its distances.
+            return np.full_like(depth, self.sensor.error)
         a, b, c = self.sensor.noise
         depth = np.minimum(depth, 2.0 * self.sensor.range[1])
         noise = a + b * depth + c * depth * depth
@@ -130,6 +137,8 @@ class View:
 
         They are less than the measured ones by the error and the noise.
         """
+        if frame.surely is not None:
+            return frame.surely
         depth = np.where(frame.firm, frame.depth, np.nan)
         depth = np.maximum(depth - self.slack(depth), 0.0)
         depth[frame.nothing] = 2.0 * self.sensor.range[1]
@@ -148,7 +157,7 @@ class View:
         """
         if self.sensor.image:
             return depth
-        if self.sensor.form == "beam":
+        if self.sensor.narrow:
             inner = 1.001 * INNER * tan(0.5 * self.sensor.view[0])
             depth = np.where(self._corners(0.5) <= inner, depth, np.nan)
             # A cell is compared with several pixels on each side of it.
@@ -174,7 +183,7 @@ def sure_reach(sensor: SceneSensor, size: float, cell: float = inf) -> float:
     """
     if sensor.form == "points":
         return min(size / sqrt(2.0), cell) / sensor.spacing
-    if sensor.form == "beam":
+    if sensor.narrow:
         return beam_reach(0.5 * size, sensor.fill) / tan(0.5 * sensor.view[0])
     widest = 1.0 / min(sensor.focal)
     filled = size * sqrt(pi / (16.0 * sensor.fill))

@@ -1,8 +1,8 @@
 """A bay with simulated sensors, a motion of its arms, and the frames of that motion."""
 
 import heapq
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,25 @@ from armguard.scene.bay import bay_scene
 from armguard.scene.scene import Scene
 from armguard.scene.sensing import Unknown
 from armguard.sense import Sense
+from armguard.sense.frames_file import JOINTS, Event
+from armguard.sense.sense import EVENTS
 from armguard.simulation.sensors import Rig
 
 Floats = NDArray[np.float64]
 Motion = Callable[[float], Floats]
+
+
+class Course(NamedTuple):
+    """A motion of limited time.
+
+    Attributes:
+        motion: Joint positions by time [rad or m].
+        seconds: How long it takes [s].
+    """
+
+    motion: Motion
+    seconds: float
+
 
 # Distances, status and stamp of a frame; None if it is lost.
 Sent = tuple[Any, Any, Any] | None
@@ -69,6 +84,60 @@ def swing(scene: Scene, speed: float = 1.0) -> Motion:
     phase = np.linspace(0.0, 5.0, len(home))
     start = np.sin(phase)
     return lambda t: home + 0.35 * (np.sin(speed * t + phase) - start)
+
+
+def through(postures: Floats, speed: float = 1.2, rest: float = 0.3) -> Course:
+    """A motion from posture to posture, smooth in each joint.
+
+    Args:
+        postures: Joint positions, shape (k, n) [rad or m].
+        speed: Greatest velocity of a joint [rad/s or m/s].
+        rest: Time at rest at each posture [s].
+    """
+    ways = np.abs(np.diff(postures, axis=0)).max(axis=1)
+    # A half wave of the cosine has 1.57 of its mean velocity.
+    times = 0.5 * np.pi * ways / speed
+    starts = rest + np.concatenate([[0.0], np.cumsum(times + rest)])
+
+    def motion(t: float) -> Floats:
+        k = min(max(int(np.searchsorted(starts, t)) - 1, 0), len(times) - 1)
+        share = min(max((t - starts[k]) / max(times[k], 1e-9), 0.0), 1.0)
+        share = 0.5 - 0.5 * np.cos(np.pi * share)
+        return np.asarray(postures[k] + share * (postures[k + 1] - postures[k]))
+
+    return Course(motion, float(starts[-1]))
+
+
+def events_of(
+    rig: Rig, scene: Scene, course: Course, entry: str, late: float = 0.0,
+    seed: int = 0,
+) -> Iterator[Event]:  # fmt: skip
+    """Joint positions, and the frames of a sensor or of a ring, on a course.
+
+    Args:
+        rig: The simulated sensors.
+        scene: The scene.
+        course: The motion.
+        entry: Name of the sensor or of the ring.
+        late: How much longer the delay is than declared [s].
+        seed: Seed of the jitter.
+    """
+    rng = np.random.default_rng(seed)
+    sensors = {n: one for n, one in scene.sensors.items() if one.entry == entry}
+    due = {n: one.period * rng.random() for n, one in sensors.items()}
+    for k in range(int(course.seconds / STEP)):
+        t = k * STEP
+        yield Event(JOINTS, "", t, [course.motion(t)])
+        for name, sensor in sensors.items():
+            if t < due[name]:
+                continue
+            jitter = sensor.jitter * rng.uniform(-1.0, 1.0)
+            found = rig.read(name, course.motion(due[name]))
+            stamp = due[name] + sensor.delay + late + jitter
+            arrays = [found.distance, found.status]
+            given = [one for one in arrays if one is not None]
+            yield Event(EVENTS[sensor.form], name, stamp, given)
+            due[name] += sensor.period
 
 
 def drive(

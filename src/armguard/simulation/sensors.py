@@ -59,6 +59,9 @@ class Rig:
         truth: True pose of each sensor in its link or in the world, by name; at first
             that of the scene.
         invalid: Share of distances of arrays that are invalid at random [-].
+        strength: Reflectance of all surfaces times the cosine of the angle of
+            incidence, for infrared sensors [-].
+        drift: Signal of pads beside that of bodies, in units of the gain.
 
     Args:
         scene: The scene with its sensors.
@@ -84,6 +87,7 @@ class Rig:
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._rng, self.invalid = np.random.default_rng(seed), 0.0
+        self.strength, self.drift = 0.5, 0.0
         self.truth = {n: one.pose.matrix() for n, one in scene.sensors.items()}
         self._ways = {n: ways_of(one) for n, one in scene.sensors.items()}
         self._held: dict[str, Floats] = {}
@@ -168,6 +172,8 @@ class Rig:
         sensor, rays = self._scene.sensors[name], self._ways[name]
         if sensor.form == "points":
             return Reading(self._points(sensor, rays, q), None)
+        if sensor.form in ("infrared", "capacitive"):
+            return Reading(np.array(self._signal(sensor, rays, q)), None)
         if sensor.form == "beam":
             return Reading(np.array(self._beam(sensor, rays, q)), None)
         columns, rows = sensor.zones
@@ -208,6 +214,23 @@ class Rig:
         seen = (way >= sensor.range[0]) & (way <= sensor.range[1])
         found = self._noisy(sensor, np.where(seen, way, np.nan))
         return np.asarray(found[:, None] * rays)
+
+    def _signal(self, sensor: SceneSensor, rays: Floats, q: Floats) -> float:
+        """Signal of an infrared sensor or of a pad, by the rays of its cone."""
+        rays = rays.reshape(-1, 3)
+        rays = rays[rays[:, 2] > np.cos(0.5 * sensor.view[0])]
+        way = self.look(sensor.name, q, rays) / rays[:, 2]
+        if sensor.form == "infrared":
+            share = self.strength / (way + sensor.offset) ** 2
+            weight = np.ones(len(rays))
+        else:
+            share = (sensor.offset / (sensor.offset + way)) ** 2
+            # Rays of a plane before the pad are denser to its sides.
+            weight = rays[:, 2] ** 4
+        value = sensor.gain * float(weight @ share / weight.sum()) + self.drift
+        a, b, c = sensor.noise
+        noise = a + b * value + c * value * value
+        return value + noise * float(self._rng.standard_normal())
 
     def _beam(self, sensor: SceneSensor, rays: Floats, q: Floats) -> float:
         """The distance at which bodies fill their share of a cone [m]."""

@@ -1,0 +1,1 @@
+"""Infrared sensors, capacitive pads, and the calibration of sensors."""
