@@ -13,7 +13,7 @@ what turns the feature on does, before the first call.
 
 import ctypes
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from dis import get_instructions
 from functools import update_wrapper
 from inspect import getclosurevars
@@ -140,7 +140,9 @@ def would_be_cut(given: Any, wanted: Any) -> bool:
     return isinstance(given, types.Float) and not isinstance(wanted, types.Float)
 
 
-def link(kernel: Callable[..., Any], last_first: bool = False) -> None:
+def link(
+    kernel: Callable[..., Any], last_first: bool = False, later: Container[Any] = ()
+) -> None:
     """Compile, or load, all separate kernels that a kernel may call, by others too.
 
     And the kernel itself where it is a separate one. Optional kernels are left out,
@@ -150,13 +152,16 @@ def link(kernel: Callable[..., Any], last_first: bool = False) -> None:
         kernel: The kernel.
         last_first: Whether to begin with those that are called last, for one of two
             processes that share the work: they meet in the middle.
+        later: Kernels that are compiled after all others: the other process begins
+            with them.
     """
     reached = kernels_from(kernel)
     separate = [one for one in reached if isinstance(one, SeparateKernel)]
     for one in reached:
         one.linked = True
     try:
-        for one in reversed(separate) if last_first else separate:
+        ordered = separate[::-1] if last_first else separate
+        for one in sorted(ordered, key=lambda one: one in later):
             one.compile()
     except BaseException:
         for one in reached:

@@ -23,6 +23,7 @@ from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.guard.cycle import run_cycle
 from armguard.guard.objects import load_kernels
 from armguard.kernel import KERNEL_CACHE, READY_CODE
 from armguard.processes import FIRST
@@ -35,7 +36,7 @@ from armguard.robot.model import CollisionElement, Joint, JointKind, Link, Robot
 from armguard.robot.stopping import stopping_figures
 from armguard.scene.scene import Scene
 from armguard.scene.settings import Mode
-from armguard.separate import link
+from armguard.separate import kernels_from, link
 
 # Function that makes a guard of a scene and calls the kernels of its cycles.
 TryOut = Callable[[Scene], None]
@@ -235,7 +236,8 @@ def compile_cycle(mode: Mode, try_out: TryOut) -> None:
 
 def compile_filter(last_first: bool) -> None:
     """Compile the filtered cycle and all kernels that it calls, see `link`."""
-    link(run_filtered_cycle, last_first)
+    first_there = () if last_first else kernels_from(run_cycle)
+    link(run_filtered_cycle, last_first, later=first_there)
     lines, numbers = numba.int64[::1], numba.float64[::1]
     given = (numbers, numba.int64, numbers, lines, lines)
     entries: tuple[tuple[Any, tuple[Any, ...]], ...] = (
