@@ -7,6 +7,7 @@ import pytest
 
 from armguard.cli.sensors import allowed_speed, sensor_findings
 from armguard.scene.sensing import IntruderSettings
+from armguard.sense.view import View
 from armguard.simulation.sensed import sensed_bay
 
 FAST = IntruderSettings(speed=1.6, size=0.05)
@@ -52,3 +53,25 @@ def test_findings_name_rate_cost_and_speed_of_each_sensor():
     scene.sensing = None
     assert list(sensor_findings(scene)) == []
     assert np.isfinite(share)
+
+
+def test_findings_of_sparse_sensors_and_of_signals():
+    scene = sensed_bay(zones=False, camera=False)
+    for kind in ("points", "range", "infrared", "capacitive"):
+        scene.add_sensor(kind, kind=kind, on="left/link5")
+    first, *others = sensor_findings(scene)
+    assert "4 sensors, 0 zones, 180 frames/s take" in first.sentence
+    points, beam, light, pad = (one.sentence for one in others)
+    # The cells of 25 mm are less than the way between rays of 0.01 rad at 2.5 m.
+    assert "50 mm up to 2.50 m" in points
+    assert "50 mm up to 0.30 m" in beam
+    assert "50 mm up to 0.22 m" in light
+    assert "capacitive frees no space: it only takes knowledge away" in pad
+    (dark,) = scene.add_sensor("dark", kind="infrared", reflectance=(0.001, 0.9))
+    assert (
+        f"up to {View(dark, 0.05).reach:.2f} m"
+        in list(sensor_findings(scene))[-1].sentence
+    )
+    assert View(dark, 0.05).reach == pytest.approx(
+        np.sqrt(0.02 * 0.25 * 0.001 * np.cos(0.5) / 0.0003) - 0.01
+    )

@@ -235,7 +235,13 @@ def test_lzf_copies_what_is_before_also_into_itself():
     packed = bytes([2]) + b"abc" + bytes([7 << 5, 0, 2]) + bytes([7 << 5, 20, 0])
     plain = b"abc" * 4 + b"c" * 29
     assert unpacked_lzf(packed, len(plain)) == plain
-    for damaged, size in ((packed, 3), (bytes([7 << 5, 0, 9]), 9)):
+    short = packed
+    # A copy of 4 bytes from 600 before.
+    start = RNG.bytes(640)
+    parts = [bytes([31]) + start[k : k + 32] for k in range(0, 640, 32)]
+    packed = b"".join(parts) + bytes([2 << 5 | 599 >> 8, 599 & 255])
+    assert unpacked_lzf(packed, 644) == start + start[40:44]
+    for damaged, size in ((short, 3), (bytes([7 << 5, 0, 9]), 9)):
         with pytest.raises(ValueError, match=r"refer|bytes"):
             unpacked_lzf(damaged, size)
 

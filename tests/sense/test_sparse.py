@@ -60,7 +60,9 @@ def test_a_ball_of_the_declared_size_is_within_the_claimed_error_of_cells_not_fr
 
 
 def test_points_hit_at_once_and_go_when_rays_pass():
-    sense = sensed("points", spacing=0.01)
+    # They are beyond where space is freed.
+    sense = sensed("points", spacing=0.03)
+    assert sense._stations["eye"].view.reach < 0.7
     wall = 1.05 * lattice(0.01)
     ball = met(lattice(0.01), np.array([0.0, 0.0, 0.9]), 0.03, 1.05)
     assert sense.points("eye", ball, 1.0) is Intake.TAKEN
@@ -94,18 +96,19 @@ def beam(value, **settings):
     return sense, sense.range("eye", value, 1.0)
 
 
-def test_a_distance_hits_the_arc_within_its_cone():
-    sense, intake = beam(0.11)
-    assert intake is Intake.TAKEN
+@pytest.mark.parametrize(("way", "angle"), [(0.11, 0.4), (0.4, 1.2)])
+def test_a_distance_hits_the_arc_within_its_cone(way, angle):
+    sense = exact("range", angle=angle, least=0.6)
+    assert sense.range("eye", way, 1.0) is Intake.TAKEN
     cells = sense.cells.middles(np.argwhere(sense.cells.occupied()))
-    way = np.linalg.norm(cells, axis=1)
     # A cell that an arc meets has its middle nearer to it than half its diagonal.
-    assert (np.abs(way - 0.11) < CELL).all()
-    angles = np.linspace(-0.2, 0.2, 41)
-    arc = 0.11 * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    low = sense.cells.centre - 0.5 * 64 * CELL
-    places = np.floor((arc - low) / CELL).astype(int)
-    assert sense.cells.occupied()[tuple(places.T)].all()
+    assert (np.abs(np.linalg.norm(cells, axis=1) - way) < CELL).all()
+    angles = np.linspace(-0.5, 0.5, 81) * angle
+    arc = way * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    apart = np.maximum(np.abs(arc[:, None] - cells) - CELL / 2, 0.0)
+    # The arc is hit in 16 flat parts.
+    step = way * np.sin(0.5 * angle) * angle / 32
+    assert np.linalg.norm(apart, axis=2).min(axis=1).max() <= step + 1e-9
 
 
 @pytest.mark.parametrize(

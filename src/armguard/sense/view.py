@@ -1,6 +1,6 @@
 """The view of a sensor: its zones in space, and how far it surely sees."""
 
-from math import atan2, inf, pi, sqrt, tan
+from math import atan2, cos, inf, pi, sqrt, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,10 +184,18 @@ def sure_reach(sensor: SceneSensor, size: float, cell: float = inf) -> float:
     if sensor.form == "points":
         return min(size / sqrt(2.0), cell) / sensor.spacing
     if sensor.narrow:
-        return beam_reach(0.5 * size, sensor.fill) / tan(0.5 * sensor.view[0])
+        reach = beam_reach(0.5 * size, sensor.fill) / tan(0.5 * sensor.view[0])
+        return min(reach, signal_reach(sensor)) if sensor.form == "infrared" else reach
     widest = 1.0 / min(sensor.focal)
     filled = size * sqrt(pi / (16.0 * sensor.fill))
     return filled / widest if widest > 0.0 else inf
+
+
+def signal_reach(sensor: SceneSensor) -> float:
+    """Distance at which the darkest body that fills its share gives a signal [m]."""
+    strength = sensor.fill * sensor.reflectance[0] * cos(sensor.tilt)
+    least = SIGMAS * sensor.noise[0]
+    return sqrt(sensor.gain * strength / least) - sensor.offset if least > 0.0 else inf
 
 
 def beam_reach(radius: float, fill: float) -> float:
