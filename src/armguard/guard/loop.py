@@ -100,14 +100,13 @@ class Loop:
             self.index.remove(slot)
         self._sensed = SensedSpace(tables, self.index)
         self._memory.measure_all = 1
-        first_row = first_row_of(tables)
         answer = answer_of(tables)
         self._out = answer["out"]
         self._watch = watch_of(tables)
         self._input = CycleInput(self._watch, tables.robots)
         self._settings = records((), Settings)
         settings = self._settings
-        settings.first_row = first_row
+        settings.first_row = first_row_of(tables)
         self._motion = motion_of(tables, self._budget)
         self._watch_ledger = Ledger(self._watch)
         self._grips = grips_of(tables)
@@ -284,8 +283,8 @@ class Loop:
         tables = self.tables
         if time is None or tables.sensing is None:
             return None
-        ages = time - self._watch.seen_at[tables.modelled :]
-        return SlotsSeen(ages, self._sensed.table.sources.copy())
+        seen_at = self._watch.seen_at[tables.modelled :]
+        return SlotsSeen(time - seen_at, self._sensed.table.sources.copy())
 
     def _answer(
         self, used: int, fault: str, q: NDArray[np.float64]
