@@ -92,6 +92,9 @@ class Playground:
         self._options = (
             "--rate", str(rate), "--late", str(late), "--no-self-test", *options
         )  # fmt: skip
+        if scene.sensing is not None:
+            # Without sensors no arm moves there.
+            self._options += ("--simulated-sensors",)
         self._relay: Relay | None = None
         # Whether no fault has begun since all arms moved.
         self._settled = False
@@ -284,6 +287,9 @@ class Playground:
             "reflex": lambda: REFLEX_WATCHDOG,
             "frame": lambda: FRAME_PERIOD,
             "frames": lambda: FRAME_TIMEOUT,
+            # Age of cells that stops the arms, and frames until a fault is certain.
+            "cells": lambda: self.scene.sensing.stale if self.scene.sensing else 0.0,
+            "sensor": lambda: 6.0 * max(s.period for s in self.scene.sensors.values()),
         }
         return delays[name]()
 
