@@ -195,11 +195,6 @@ SENSOR_FAULTS: tuple[Fault, ...] = (
         inject=faulty("blind", SensorFault.BLIND),
     ),
     Fault(
-        name="a sensor repeats its frame", group=GROUP, effect=Effect.STOPS,
-        reasons=("CELLS_STALE",), hold=LASTS, within=("cells", "sensor", "cycle"),
-        inject=faulty("frozen", SensorFault.REPEATED),
-    ),
-    Fault(
         name="stamps of a sensor are in the future", group=GROUP, effect=Effect.STOPS,
         reasons=("CELLS_STALE",), hold=LASTS, within=("cells", "sensor", "cycle"),
         inject=faulty("ahead", SensorFault.STAMP_AHEAD),
