@@ -36,20 +36,25 @@ Disturb = Callable[[Playground], None]
 
 
 def sensed(
-    begin: Disturb, end: Disturb | None = None, names: SensorFault | None = None
-) -> Injection:
+    begin: Disturb, end: Disturb | None = None, names: SensorFault | None = None,
+    *, anew: bool = False,
+) -> Injection:  # fmt: skip
     """A fault of a guard with simulated sensors.
 
     Args:
         begin: Begins it.
         end: Ends it; it ends by itself if None.
         names: How the health of the first sensor has to name it; any if None.
+        anew: Whether the guard is started anew before: a service waits longer with each
+            map that ends.
     """
 
     @contextmanager
     def inject(ground: Playground) -> Iterator[None]:
         if ground.scene.sensing is None:
             raise Unplayable("the scene has no sensors, so the service started no map")
+        if anew:
+            ground.restart()
         wait_for_map(ground)
         ground.settle()
         with SensorClient(ground.stage.port) as client:
@@ -172,7 +177,8 @@ SENSOR_FAULTS: tuple[Fault, ...] = (
     Fault(
         name="the map is killed, and started again", group=GROUP, effect=Effect.STOPS,
         reasons=("CELLS_STALE",), hold=LASTS, within=("cells", "cycle"),
-        counts=("companions_restarted",), inject=sensed(signals(MAP, SIGKILL)),
+        counts=("companions_restarted",),
+        inject=sensed(signals(MAP, SIGKILL), anew=True),
     ),
     Fault(
         name="the map is paused", group=GROUP, effect=Effect.STOPS,
