@@ -42,7 +42,7 @@ enum { ARMGUARD_STOP_ORDERED = 40, ARMGUARD_RESTARTED = 41 };
 /* Kinds of messages, and their records. */
 enum { ARMGUARD_HELLO = 1, ARMGUARD_WELCOME = 2, ARMGUARD_STATE = 3, ARMGUARD_COMMAND = 5 };
 enum { ARMGUARD_CLAIM = 7, ARMGUARD_GRANT = 8, ARMGUARD_BYE = 13, ARMGUARD_CHALLENGE = 14 };
-enum { ARMGUARD_ORDER_STOP = 12 };
+enum { ARMGUARD_ORDER_STOP = 12, ARMGUARD_FRAME = 16, ARMGUARD_HEALTH = 17 };
 /* Causes of a stop by a reflex, see armguard_obey. */
 enum { ARMGUARD_REFLEX_STOPPED = 16, ARMGUARD_REFLEX_SILENT = 17 };
 
@@ -98,6 +98,25 @@ struct armguard_grant {
     uint64_t token, holder;
     double watchdog;
     uint64_t sequence;
+};
+/* For programs of sensors, which write these messages themselves: docs/service.md. */
+struct armguard_frame {
+    uint16_t sensor, part;
+    uint8_t distances, has_status;
+    uint16_t reserved;
+    uint32_t number, size;
+    double stamp;
+};
+struct armguard_health {
+    double stamp;
+    uint64_t taken, dropped;
+    uint16_t port, first, rows, sensors;
+};
+struct armguard_sensor {
+    uint32_t faults, frees;
+    uint64_t taken, dropped;
+    double stamp;
+    uint8_t words[160];
 };
 
 struct armguard {

@@ -8,9 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 from armguard.chaos.fault import Effect
+from armguard.chaos.sensor_faults import GROUP, SENSOR_FAULTS
 from armguard.chaos.table import FAULTS
 from armguard.cli.app import app
 from armguard.scene.bay import FOLDER, bay_path
+from armguard.scene.two_pandas import sensed_table_path
 
 
 @pytest.fixture
@@ -44,6 +46,33 @@ def test_every_fault_is_answered_as_declared(patient_bay):
     assert run.returncode == 0
     # Faults are skipped only for want of a part.
     assert all("started no" in row["skipped"] for row in rows if row["skipped"])
+
+
+@pytest.fixture
+def patient_table(tmp_path):
+    """The table whose boxes only sensors know, with states believed for longer."""
+    text = sensed_table_path().read_text()
+    figures = "urdf: panda\n    stopping: {delays: {stale: 0.12}}\n"
+    path = tmp_path / "table.yaml"
+    path.write_text(text.replace("urdf: panda\n", figures))
+    return path
+
+
+@pytest.mark.realtime
+def test_every_fault_of_sensors_is_answered_as_declared(patient_table):
+    words = ("chaos", str(patient_table), "--json", "--only", GROUP)
+    patient = ("--rate", "100", "--late", "0.25", "--slack", "1")
+    run = subprocess.run(
+        [sys.executable, "-m", "armguard", *words, *patient],
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=1800.0,
+    )
+    rows = json.loads(run.stdout)["faults"]
+    assert [row["fault"] for row in rows] == [fault.name for fault in SENSOR_FAULTS]
+    assert not [row for row in rows if row["status"] != "PASS"]
+    assert run.returncode == 0
 
 
 def test_rows_differ_and_declare_what_can_be_observed():

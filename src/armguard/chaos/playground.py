@@ -17,6 +17,7 @@ from armguard.errors import ArmguardError, StationError
 from armguard.recording.counters import CountersReader
 from armguard.recording.ring import RingReader
 from armguard.scene.scene import Scene
+from armguard.scene.sensing import SENSED, UNSEEN
 from armguard.service.client import Answer, Client
 from armguard.service.wire import Role, Seal, read_keys
 from armguard.service.wire.keys import keys_path
@@ -52,7 +53,7 @@ class Playground:
         answers: What the observer has received since the last fault began.
         truth: What the arms really did since then, rows of time, whether each arm is
             held, positions and velocities.
-        least: Least distance of the nearest pair so far [m].
+        least: Least distance of the nearest pair of bodies so far [m].
         late: How late a cycle may come [s].
 
     Args:
@@ -92,6 +93,9 @@ class Playground:
         self._options = (
             "--rate", str(rate), "--late", str(late), "--no-self-test", *options
         )  # fmt: skip
+        if scene.sensing is not None:
+            # Without sensors no arm moves there.
+            self._options += ("--simulated-sensors",)
         self._relay: Relay | None = None
         # Whether no fault has begun since all arms moved.
         self._settled = False
@@ -244,8 +248,10 @@ class Playground:
                 time.sleep(wait)
             while answer is not None:
                 self.answers.append(answer)
-                if answer.nearest is not None:
-                    self.least = min(self.least, answer.nearest.distance)
+                near = answer.nearest
+                # Cells are no bodies: those of a sensor at fault may be anywhere.
+                if near is not None and not {SENSED, UNSEEN} & {near.a, near.b}:
+                    self.least = min(self.least, near.distance)
                 answer = self._observer.receive()
             self.truth.extend(self._truth.unread())
             now = time.monotonic()
@@ -284,6 +290,9 @@ class Playground:
             "reflex": lambda: REFLEX_WATCHDOG,
             "frame": lambda: FRAME_PERIOD,
             "frames": lambda: FRAME_TIMEOUT,
+            # Age of cells that stops the arms, and frames until a fault is certain.
+            "cells": lambda: self.scene.sensing.stale if self.scene.sensing else 0.0,
+            "sensor": lambda: 6.0 * max(s.period for s in self.scene.sensors.values()),
         }
         return delays[name]()
 

@@ -10,6 +10,7 @@ from armguard.chaos.fault import Effect, Fault, Injection
 from armguard.chaos.injections import tampered
 from armguard.chaos.playground import Playground
 from armguard.chaos.reflex_faults import HELD_UP, REFLEX_FAULTS
+from armguard.chaos.sensor_faults import SENSOR_FAULTS
 from armguard.chaos.tampering import COMMANDS, DESIRED, STATES, on, rewritten
 from armguard.geometry.pose import Pose
 from armguard.service.wire import Kind, Seal
@@ -395,4 +396,5 @@ FAULTS: tuple[Fault, ...] = (
         inject=injections.companion_killed("view", "armguard.view", ("--view",)),
     ),
     *REFLEX_FAULTS,
+    *SENSOR_FAULTS,
 )  # fmt: skip

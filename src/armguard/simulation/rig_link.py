@@ -17,9 +17,9 @@ from armguard.service.wire.keys import keys_path
 
 LOOPBACK = "127.0.0.1"
 
-# Faults: no distance is measured; no frame comes; all frames are the same one; stamps
-# are a second ahead, or a second back.
-FAULTS = ("blind", "lost", "frozen", "ahead", "back")
+# Faults: no distance is measured; no frame comes; stamps are a second ahead, or ten
+# seconds back.
+FAULTS = ("blind", "lost", "ahead", "back")
 
 # Longest question, and longest answer [bytes].
 MOST = 60_000

@@ -16,6 +16,7 @@ from armguard.service.wire.sensing import (
     CELLS_TAKEN,
     CHANGE,
     HEALTH,
+    MOST_CHANGES,
     MOST_IN_A_CYCLE,
     SENSOR,
 )
@@ -242,6 +243,20 @@ def test_changes_that_cannot_be_are_dropped_and_change_nothing(desk, wrong):
     cause, payload = WRONG[wrong]
     assert desk.hear(payload) == cause
     assert desk.stamp == -np.inf and not desk.claims.occupied.words.any()
+
+
+def test_no_more_changes_are_taken_than_the_guard_may_have_in_a_cycle(desk):
+    change = CHANGE.pack(bytes(16), 0.0, 0.0, 1, 0)
+    full = MOST_CHANGES * change
+    assert 2 * MOST_CHANGES <= MOST_IN_A_CYCLE < 3 * MOST_CHANGES
+    rest = (MOST_IN_A_CYCLE - 2 * MOST_CHANGES) * change
+    assert desk.hear(CELLS.pack(1, 1, 1.0) + full) == ""
+    assert desk.hear(CELLS.pack(1, 2, 1.1) + full) == ""
+    assert desk.hear(CELLS.pack(1, 3, 1.2) + rest + change) == "busy"
+    assert desk.hear(CELLS.pack(1, 3, 1.2) + rest) == ""
+    assert desk.hear(CELLS.pack(1, 4, 1.3) + change) == "busy" and desk.stamp == 1.2
+    desk.mapped.renew()
+    assert desk.hear(CELLS.pack(1, 4, 1.3) + change) == "" and desk.stamp == 1.3
 
 
 def test_health_goes_to_all_clients_and_into_the_recording(desk):
