@@ -161,29 +161,17 @@ def measure(runs: int) -> list[dict[str, Any]]:
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows as a table of the page."""
     lines = [
-        "| share of the desired way | left arm, other camera | right arm |",
-        "| --- | --- | --- |",
+        "| right camera | runs | left arm meanwhile | right arm meanwhile [rad] | right "
+        "arm moves again after, median and longest [s] | left and right arm later |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
     for row in rows:
-        name, runs = row["kind"], row["runs"]
-        for part, words in {"while": "", "after": ", from 1.5 s after on"}.items():
-            mine = [f"{row[f'{arm}_{part}_blind']:.3f}" for arm in ARMS]
-            other = [f"{row[f'{arm}_{part}_free']:.3f}" for arm in ARMS]
-            lines.append(
-                f"| right camera {name}, {runs} runs{words} | {mine[0]}, without "
-                f"blindfold {other[0]} | {mine[1]}, {other[1]} |"
-            )
-    ways = max(row["way"] for row in rows)
-    back = [
-        f"{row['kind']} {np.median(row['back']):.2f}, {max(row['back']):.2f}"
-        for row in rows
-    ]
-    lines += [
-        "",
-        f"From 0.5 s after the blindfold on the right arm moves by at most {ways:.4f} "
-        f"rad. Time until it has half of its speed again, median and longest [s]: "
-        f"{'; '.join(back)}.",
-    ]
+        back = row["back"]
+        lines.append(
+            f"| {row['kind']} | {row['runs']} | {row['left_while']:.2f} | "
+            f"{row['way']:.4f} | {np.median(back):.2f}, {max(back):.2f} | "
+            f"{row['left_after']:.2f}, {row['right_after']:.2f} |"
+        )
     return "\n".join(lines) + "\n"
 
 
