@@ -226,7 +226,7 @@ def bound_model(
     a, b, shared = t.pairs[pair, LINK_A], t.pairs[pair, LINK_B], t.pairs[pair, SHARED]
     place_shapes(a, model, shared, p, t)
     place_shapes(b, model, shared, p, t)
-    lower = upper = found = inf
+    lower = upper = found = deepest = inf
     for i in range(t.spans[a, 2 * model], t.spans[a, 2 * model + 1]):
         kind_i = kind_of(i, p)
         for j in range(t.spans[b, 2 * model], t.spans[b, 2 * model + 1]):
@@ -242,14 +242,16 @@ def bound_model(
                 found = distance
                 for k in range(WITNESS_WIDTH):
                     nearest[k] = seen[k]
-            upper = min(upper, distance + t.sway[i, 1] + t.sway[j, 1] + SLACK)
+            drift = t.sway[i, 1] + t.sway[j, 1] + SLACK
+            upper = min(upper, distance + drift)
+            deepest = min(deepest, distance - sway + 2.0 * drift)
             least = distance - sway
             if not least >= limit and distance > limit:
                 n = (seen[7], seen[8], seen[9])
                 gap = directed_gap(pair, i, j, kind_i, kind_j, n, p, t) - SLACK
                 least = max(least, gap)
             lower = min(lower, least) if least == least else -inf
-    return TileGap(lower, upper, found)
+    return TileGap(lower, upper, found, deepest)
 
 
 @kernel
@@ -286,15 +288,15 @@ def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
     """
     near = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
     one = bound_model(pair, PRIMITIVES, limit, near, p, t)
-    lower, upper, found = one.lower, one.upper, one.found
+    lower, upper, found, deepest = one.lower, one.upper, one.found, one.deepest
     a, b = t.pairs[pair, LINK_A], t.pairs[pair, LINK_B]
     exact = has_exact(a, t) or has_exact(b, t)
     if exact and not lower >= limit:
         two = bound_model(pair, EXACT, limit, near, p, t)
         lower, upper = max(lower, two.lower), max(upper, two.upper)
-        found = max(found, two.found)
-    if not t.wide.any() or lower >= limit or found == inf:
-        return TileGap(lower, upper, found)
+        found, deepest = max(found, two.found), max(deepest, two.deepest)
+    if not t.wide.any() or lower >= limit or deepest >= limit or found == inf:
+        return TileGap(lower, upper, found, deepest)
     # Where every joint deviates towards the other link, the distance is mostly least.
     slope_of(pair, near, p, t)
     for j in range(t.wide.shape[0]):
@@ -306,7 +308,7 @@ def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
         two = bound_model(pair, EXACT, inf, near, p, t)
         there, worst = max(there, two.upper), max(worst, two.found)
     move_links(t.q, p, t)
-    return TileGap(lower, min(upper, there), min(found, worst))
+    return TileGap(lower, min(upper, there), min(found, worst), deepest)
 
 
 @kernel(inline=False)

@@ -101,11 +101,13 @@ class TileGap(NamedTuple):
         lower: It is never below this.
         upper: At every place of the line some position has it below this.
         found: A distance that it has in the tile.
+        deepest: About the least that `upper` can come down to by the joints' widths.
     """
 
     lower: float
     upper: float
     found: float
+    deepest: float
 
 
 @kernel

@@ -189,15 +189,15 @@ def judge_pairs(row: Floats, p: Plan, t: Links, w: Waiting, tube: TubeTable) -> 
     first, count, kept = w.lists[at, 0], w.lists[at, 1], 0
     w.size[0], w.tile[:] = at, w.tiles[at]
     place_tile(w.tile, tube, p, t)
-    worst, share, label = inf, 1.0, FREE
+    worst, share, label, place = inf, 1.0, FREE, 0
     for k in range(count):
         pair = w.pairs[first + k]
         need = t.need[pair]
         gap = bound_pair(pair, need, p, t)
         if not gap.lower - need >= worst:
-            worst = gap.lower - need
+            worst, place = gap.lower - need, kept
             row[PAIR], row[LOWER], row[UPPER] = pair, gap.lower, gap.upper
-            past = TileGap(worst, gap.upper - need, gap.found - need)
+            past = TileGap(worst, gap.upper - need, gap.found - need, 0.0)
             share = can_decide(past, t)
         if gap.lower >= need:
             continue
@@ -211,6 +211,10 @@ def judge_pairs(row: Floats, p: Plan, t: Links, w: Waiting, tube: TubeTable) -> 
     if label == OPEN:
         chosen = halved_parameter(int(row[PAIR]), share, tube, p, t, w)
         if chosen >= 0:
+            # Where it touches, no other pair has to be judged.
+            front = first + count
+            w.pairs[front + place] = w.pairs[front]
+            w.pairs[front] = int(row[PAIR])
             put_halves(chosen, first + count, kept, w)
             return -1
         label = UNKNOWN

@@ -68,12 +68,32 @@ def take_tile(
         bow: How far the curve may leave the chord, overwritten, shape (n,).
         wide: How far the joint may leave the curve, overwritten, shape (n,).
     """
+    for d in range(tile.shape[0] // SPAN):
+        take_part(d, tile, tube, q, line, bow, wide)
+
+
+@kernel
+def take_part(
+    d: int,
+    tile: Floats,
+    tube: TubeTable,
+    q: Floats,
+    line: Floats,
+    bow: Floats,
+    wide: Floats,
+) -> None:
+    """Write the chords of the joints that follow parameter d, see `take_tile`."""
     c = numba.carray(stack(MOST_CONTROL), (MOST_CONTROL,), np.float64)
     degree = tube.control.shape[0] // tube.wide.shape[0] - 1
+    segment, low, high = (
+        int(tile[SPAN * d]),
+        tile[SPAN * d + LOW],
+        tile[SPAN * d + HIGH],
+    )
+    first, share = segment * (degree + 1), low / high
     for j in range(q.shape[0]):
-        at = SPAN * tube.owner[j]
-        segment, low, high = int(tile[at]), tile[at + LOW], tile[at + HIGH]
-        first, share = segment * (degree + 1), low / high
+        if tube.owner[j] != d:
+            continue
         for k in range(degree + 1):
             c[k] = tube.control[first + k, j]
         for r in range(1, degree + 1):
