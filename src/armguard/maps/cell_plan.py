@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from armguard.errors import ArmguardError, TrajectoryError
 from armguard.plans.plan import ByName, Plan
 from armguard.prove.tube import Tube
-from armguard.scene import Scene
+from armguard.scene import Scene, SceneTables
 
 # A plan without names has a segment for each of up to so many rows, else equal parts.
 MOST_ROWS = 40
@@ -60,7 +60,7 @@ class CellPlan:
     names: Mapping[int, str] = field(default_factory=dict)
     priority: int = 1
 
-    def tube(self, scene: Scene, robot: str) -> Tube:
+    def tube(self, scene: Scene | SceneTables, robot: str) -> Tube:
         """What holds the robot's joints, at all times of the plan.
 
         Raises:
@@ -77,7 +77,7 @@ class CellPlan:
             name = np.array(scene.q_names)[~own][int(np.argmax(others))]
             raise TrajectoryError(
                 f"{plan.source}: the plan of '{robot}' moves '{name}'; give each robot "
-                "a plan of its own joints"
+                "a separate plan"
             )
         skew = {robot: self.skew}
         return plan.widened(scene, self.following_error, skew).thinned(THINNED)

@@ -22,6 +22,7 @@ from armguard.plans.verify import RESOLUTION
 from armguard.prove.paving import NearInterval, Paver
 from armguard.scene import Scene, Trajectory
 from armguard.scene.compile import compile_scene
+from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
 Nodes = NDArray[np.intp]
@@ -195,10 +196,10 @@ class Coordinator:
     """Makes maps in one scene.
 
     Attributes:
-        scene: The scene.
+        tables: The scene.
 
     Args:
-        scene: The scene.
+        scene: The scene, or its tables.
         robots: The robots that move, two or more.
         floor: Least distance that links of two robots have to keep, if their buffer is
             less [m].
@@ -209,15 +210,15 @@ class Coordinator:
     """
 
     def __init__(
-        self, scene: Scene, robots: Sequence[str], *, floor: float = 0.0
+        self, scene: Scene | SceneTables, robots: Sequence[str], *, floor: float = 0.0
     ) -> None:
-        tables = compile_scene(scene)
+        tables = compile_scene(scene) if isinstance(scene, Scene) else scene
         names = [part.name for part in tables.robots]
         unknown = [robot for robot in robots if robot not in names]
         if unknown or len(set(robots)) < 2:
             wrong = f"'{unknown[0]}' is no robot" if unknown else "give two robots"
             raise CoordinationError(f"{wrong}; the scene has {', '.join(names)}")
-        self.scene, self._robots = scene, tuple(robots)
+        self.tables, self._robots = tables, tuple(robots)
         self._makers = [
             DiagramMaker(tables, both, floor) for both in combinations(robots, 2)
         ]
@@ -243,7 +244,7 @@ class Coordinator:
         for robot in self._robots:
             if robot not in plans:
                 raise CoordinationError(f"'{robot}' has no plan; give one")
-        tubes = {robot: plans[robot].tube(self.scene, robot) for robot in self._robots}
+        tubes = {robot: plans[robot].tube(self.tables, robot) for robot in self._robots}
         if resolution is None:
             resolution = FINEST * max(float(np.ptp(t.times)) for t in tubes.values())
         segments = {robot: plans[robot].segments() for robot in self._robots}

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 Grid = NDArray[np.uint8]
 
 # Tiles are this share of the longer plan, or less, where nothing is decided.
-FINEST = 1.0 / 160.0
+FINEST = 1.0 / 200.0
 
 # Cells of the grid in a tile of that size.
 CELLS = 4

@@ -246,7 +246,8 @@ def bound_model(
             upper = min(upper, distance + drift)
             deepest = min(deepest, distance - sway + 2.0 * drift)
             least = distance - sway
-            if not least >= limit and distance > limit:
+            # Where a pair of shapes leaves the tile undecided, the others need not do.
+            if lower >= limit and not least >= limit and distance > limit:
                 n = (seen[7], seen[8], seen[9])
                 gap = directed_gap(pair, i, j, kind_i, kind_j, n, p, t) - SLACK
                 least = max(least, gap)
@@ -274,7 +275,7 @@ def slope_of(pair: int, seen: Floats, p: Plan, t: Links) -> None:
 
 
 @kernel(inline=False)
-def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
+def bound_pair(pair: int, limit: float, off: bool, p: Plan, t: Links) -> TileGap:
     """Distance of a pair of links in the tile in whose middle all bodies are.
 
     Two links are as far apart as the larger of the distances of their primitives and
@@ -283,6 +284,7 @@ def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
     Args:
         pair: The pair.
         limit: Distance from which on no more has to be known [m].
+        off: Whether `upper` counts positions off the curves as well.
         p: The plan.
         t: The links.
     """
@@ -295,7 +297,7 @@ def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
         two = bound_model(pair, EXACT, limit, near, p, t)
         lower, upper = max(lower, two.lower), max(upper, two.upper)
         found, deepest = max(found, two.found), max(deepest, two.deepest)
-    if not t.wide.any() or lower >= limit or deepest >= limit or found == inf:
+    if not off or not t.wide.any() or lower >= limit or not deepest < limit:
         return TileGap(lower, upper, found, deepest)
     # Where every joint deviates towards the other link, the distance is mostly least.
     slope_of(pair, near, p, t)

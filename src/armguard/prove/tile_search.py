@@ -193,7 +193,8 @@ def judge_pairs(row: Floats, p: Plan, t: Links, w: Waiting, tube: TubeTable) -> 
     for k in range(count):
         pair = w.pairs[first + k]
         need = t.need[pair]
-        gap = bound_pair(pair, need, p, t)
+        # The first pair is the worst one of the tile before.
+        gap = bound_pair(pair, need, k == 0, p, t)
         if not gap.lower - need >= worst:
             worst, place = gap.lower - need, kept
             row[PAIR], row[LOWER], row[UPPER] = pair, gap.lower, gap.upper
@@ -327,7 +328,7 @@ def least_in_tiles(
                 continue
             tile[0], tile[LOW], tile[HIGH] = segment, low, high
             place_tile(tile, u, p, t)
-            gap = bound_pair(pair, own[0] - slack, p, t)
+            gap = bound_pair(pair, own[0] - slack, True, p, t)
             if gap.upper < own[0]:
                 own[0], own[2], own[3] = gap.upper, pair, segment
                 own[4] = 0.5 * (low + high)
