@@ -54,10 +54,11 @@ def run(folder, *options, job="job.yaml"):
 def test_a_job_becomes_a_picture_a_schedule_interlocks_and_a_map(folder):
     answer = run(folder)
     assert answer.exit_code == 0, answer.output
-    first, *rules = answer.stdout.strip().splitlines()
+    first, *rules, last = answer.stdout.strip().splitlines()
     assert first.endswith("8.0 s one after the other, 4.0 s if neither were there")
     assert "% free" in first
     assert len(rules) >= 1
+    assert last.startswith("  by these interlocks ")
     found = folder / "found"
     assert (found / "diagram.png").read_bytes()[:4] == b"\x89PNG"
     with (found / "schedule.csv").open() as file:
@@ -66,7 +67,8 @@ def test_a_job_becomes_a_picture_a_schedule_interlocks_and_a_map(folder):
     times = np.array(rows[1:], dtype=float)
     assert (np.diff(times, axis=0) >= 0.0).all()
     assert times[-1, 1:].tolist() == [4.0, 4.0]
-    assert f"{times[-1, 0]:.1f} s together" in first
+    together = float(first.partition("; ")[2].split(" s together")[0])
+    assert together == pytest.approx(times[-1, 0], abs=0.0501)
     written = YAML(typ="safe").load(found / "interlocks.yaml")["interlocks"]
     assert [row["words"] for row in written] == [line.strip() for line in rules]
     with (found / "interlocks.csv").open() as file:
@@ -84,6 +86,7 @@ def test_json_has_the_same_numbers(folder):
     assert answer["robots"] == ["left", "right"]
     assert answer["free"] + answer["forbidden"] + answer["unknown"] == pytest.approx(1)
     assert answer["together_s"] < answer["one_after_another_s"] == 8.0
+    assert answer["by_interlocks_s"] <= 1.05 * answer["together_s"] + 0.05
     assert answer["problem"] is None
     assert answer["interlocks"][0]["robot"] in answer["robots"]
 

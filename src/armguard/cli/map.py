@@ -85,6 +85,9 @@ def map_plans(options: Options) -> None:
         out.print(cell.sentence, markup=False)
         for rule in interlocks:
             out.print(f"  {rule.sentence}", markup=False)
+        if schedule is not None:
+            seconds = cell.execute(interlocks).times[-1]
+            out.print(f"  by these interlocks {seconds:.1f} s", markup=False)
         for line in alone_lines(cell):
             out.print(f"  {line}", markup=False)
     clear = schedule is not None and not any(cell.alone.values())
@@ -186,6 +189,9 @@ def answer_of(
         "unknown": cell.unknown,
         "problem": problem,
         "together_s": None if schedule is None else schedule.makespan,
+        "by_interlocks_s": (
+            None if schedule is None else cell.execute(interlocks).times[-1]
+        ),
         "one_after_another_s": cell.one_after_another,
         "without_interference_s": cell.without_interference,
         "waits": [] if schedule is None else [asdict(one) for one in schedule.waits],
