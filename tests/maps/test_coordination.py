@@ -162,34 +162,40 @@ def waits_in(cell, interlocks, seed):
     return cell.execute(interlocks, paces=paces)
 
 
+def let_in(cell, interlocks):
+    """Blocked cells that interlocks let both robots into, somewhere."""
+    diagram = cell.diagrams[0]
+    low = diagram.step * np.argwhere(diagram.blocked)
+    inside = np.ones(len(low), dtype=bool)
+    for one in interlocks:
+        w = cell.robots.index(one.waiting.robot)
+        # All of a cell is kept out if its corners are that are nearest to what is not.
+        past = np.minimum(low[:, 1 - w] + diagram.step, 6.0)
+        inside &= ~((low[:, w] >= one.at) & (past <= one.until))
+    return inside
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.05])
 def test_interlocks_keep_robots_apart_at_any_pace_and_each_is_needed(
-    world, coordinator
+    world, coordinator, slack
 ):
     count = 0
-    for seed in range(6):
+    for seed in range(3):
         plans = swings(world.scene, seed, following_error=FOLLOWING, skew=SKEW)
         cell = coordinator.map(plans)
-        schedule, interlocks = cell.schedule(), cell.interlocks()
-        blocked, step = cell.diagrams[0].blocked, cell.diagrams[0].step
+        schedule, interlocks = cell.schedule(), cell.interlocks(slack=slack)
         count += len(interlocks)
-        for k in range(8):
+        for k in range(3):
             run = waits_in(cell, interlocks, k)
             assert run.finished
             assert all(cell.allowed(*both) for both in run.plan_times)
         full = cell.execute(interlocks)
-        assert full.times[-1] <= 1.05 * schedule.makespan + 0.1
-        # Without one of them some pace leads into what is blocked.
+        assert full.times[-1] <= (1.0 + slack) * schedule.makespan + 0.1
+        assert not let_in(cell, interlocks).any()
         for left_out in interlocks:
             rest = [one for one in interlocks if one is not left_out]
-            middles = step * (np.argwhere(blocked) + 0.5)
-            axes = [cell.robots.index(n) for n in cell.robots]
-            assert axes == [0, 1]
-            outside = np.ones(len(middles), dtype=bool)
-            for one in rest:
-                w = cell.robots.index(one.waiting.robot)
-                outside &= ~((middles[:, w] > one.at) & (middles[:, 1 - w] < one.until))
-            assert outside.any()
-    assert count >= 6
+            assert let_in(cell, rest).any()
+    assert count >= 3
 
 
 def test_interlocks_are_at_named_segments_where_that_costs_little():
