@@ -161,8 +161,8 @@ def measure(runs: int) -> list[dict[str, Any]]:
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows as a table of the page."""
     lines = [
-        "| right camera | runs | left arm meanwhile | right arm meanwhile [rad] | right "
-        "arm moves again after, median and longest [s] | left and right arm later |",
+        "| right camera | runs | left arm meanwhile | right arm meanwhile [rad] | "
+        "right arm moves again after, median and longest [s] | left, right arm later |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for row in rows:

@@ -21,6 +21,7 @@ COMMANDS = {
     "gripping_campaign": 'make gripping ARGS="--kind PART"',
     "evading": 'make evading ARGS="--kind PART"',
     "reach": "make reach",
+    "map": "make map-campaign ARGS=\"--kind 'PART'\"",
     "verify": 'make verify-campaign ARGS="--kind PART"',
     "soak": 'make soak ARGS="--kind PART"',
     "motion": 'make motion ARGS="--part PART"',

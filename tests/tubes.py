@@ -7,11 +7,11 @@ from armguard.prove.tube import Tube
 from arms import simple_arm
 
 
-def arm_among_objects(buffer=0.01):
+def arm_among_objects(buffer=0.01, apart=0.9):
     """Two arms of capsules beside each other, with a wall, a ball and a wire."""
     scene = ag.Scene(mode="fixed", buffer=buffer)
     scene.add_robot(simple_arm(), name="left")
-    scene.add_robot(simple_arm(), name="right", base=ag.Pose(xyz=(0.9, 0, 0.02)))
+    scene.add_robot(simple_arm(), name="right", base=ag.Pose(xyz=(apart, 0, 0.02)))
     rod = ag.Capsule(start=(0, 0, -1), end=(0, 0, 1), radius=0.001)
     for name, shape, place in (
         ("wall", ag.Box(size=(4.0, 0.2, 2.0)), (0, 0.75, 0.5)),

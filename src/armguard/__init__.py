@@ -62,6 +62,14 @@ if TYPE_CHECKING:
         Verdict,
     )
     from armguard.index import BruteForce, Octree
+    from armguard.maps.cell_plan import CellPlan, CoordinationError
+    from armguard.maps.coordination import (
+        CoordinationMap,
+        Coordinator,
+        coordination_map,
+    )
+    from armguard.maps.interlocks import Interlock
+    from armguard.maps.schedule import Schedule
     from armguard.plans.plan import Plan
     from armguard.plans.proof import PlanProof
     from armguard.plans.verify import PlanVerifier, verify
@@ -135,6 +143,14 @@ _ROOMS = {
         "Verdict",
     ),
     "armguard.index": ("BruteForce", "Octree"),
+    "armguard.maps.cell_plan": ("CellPlan", "CoordinationError"),
+    "armguard.maps.coordination": (
+        "CoordinationMap",
+        "Coordinator",
+        "coordination_map",
+    ),
+    "armguard.maps.interlocks": ("Interlock",),
+    "armguard.maps.schedule": ("Schedule",),
     "armguard.plans.plan": ("Plan",),
     "armguard.plans.proof": ("PlanProof",),
     "armguard.plans.verify": ("PlanVerifier", "verify"),
@@ -165,12 +181,16 @@ __all__ = [
     "Capsule",
     "CellMap",
     "CellMapError",
+    "CellPlan",
     "CellView",
     "Checker",
     "Client",
     "Command",
     "Cone",
     "Contract",
+    "CoordinationError",
+    "CoordinationMap",
+    "Coordinator",
     "Counts",
     "Cylinder",
     "Ellipsoid",
@@ -183,6 +203,7 @@ __all__ = [
     "HomeContactError",
     "Hull",
     "Intake",
+    "Interlock",
     "Level",
     "MeshError",
     "ModelError",
@@ -207,6 +228,7 @@ __all__ = [
     "Region",
     "Scene",
     "SceneError",
+    "Schedule",
     "SelfTestError",
     "Sense",
     "SensorClient",
@@ -224,6 +246,7 @@ __all__ = [
     "Witnesses",
     "bay_scene",
     "bay_task",
+    "coordination_map",
     "distance",
     "distances",
     "load_scene",

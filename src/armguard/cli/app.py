@@ -8,6 +8,7 @@ from armguard.cli.check import check
 from armguard.cli.demo import demo
 from armguard.cli.init import init
 from armguard.cli.keys import keys
+from armguard.cli.map import map_plans
 from armguard.cli.replay import replay
 from armguard.cli.report import report
 from armguard.cli.reset import reset
@@ -41,6 +42,7 @@ for command in (
     chaos,
 ):
     app.command()(command)
+app.command(name="map")(map_plans)
 
 app.add_typer(sensing, name="sense")
 

@@ -3,6 +3,7 @@
 None of this is shared with what proves: it judges that.
 """
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -85,15 +86,26 @@ class CoalWorld:
         )
         return np.array([at.translation for at in self._placed.oMg])
 
+    def poses(self, primitives: Iterable[int]) -> list[Any]:
+        """Where some primitives were placed, as Coal has it, one for each."""
+        return [self._pose(i) for i in primitives]
+
     def distance(self, i: int, j: int) -> float:
         """Signed distance of two primitives where they were placed [m]."""
-        sides = []
-        for k in (i, j):
-            at = self._placed.oMg[k]
-            shape = self._geometry.geometryObjects[k].geometry
-            sides += [shape, self._coal.Transform3s(at.rotation, at.translation)]
+        return self.distance_at(i, self._pose(i), j, self._pose(j))
+
+    def distance_at(self, i: int, at_i: Any, j: int, at_j: Any) -> float:
+        """Signed distance of two primitives at any poses, see `poses` [m]."""
+        one, other = (self._geometry.geometryObjects[k].geometry for k in (i, j))
         self._result.clear()
-        return float(self._coal.distance(*sides, self._request, self._result))
+        return float(
+            self._coal.distance(one, at_i, other, at_j, self._request, self._result)
+        )
+
+    def _pose(self, i: int) -> Any:
+        """Where a primitive was placed, as Coal has it."""
+        at = self._placed.oMg[i]
+        return self._coal.Transform3s(at.rotation, at.translation)
 
     def _add_joints(self) -> tuple[list[int], list[Any]]:
         """Add all joints; returns the joint of each body, and its frame there."""

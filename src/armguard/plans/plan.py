@@ -18,7 +18,7 @@ from armguard.plans.splines import (
 )
 from armguard.prove.tube import Tube
 from armguard.recording.motions import load_motion, motion_notes
-from armguard.scene import Scene, Trajectory
+from armguard.scene import Scene, SceneTables, Trajectory
 from armguard.scene.trajectory_times import check_unit
 
 Floats = NDArray[np.float64]
@@ -144,12 +144,15 @@ class Plan:
         return float(self.tube.times[-1] - self.tube.times[0])
 
     def widened(
-        self, scene: Scene, following_error: ByName = 0.0, skew: ByName = 0.0
+        self,
+        scene: Scene | SceneTables,
+        following_error: ByName = 0.0,
+        skew: ByName = 0.0,
     ) -> Tube:
         """The tube that holds what controllers execute.
 
         Args:
-            scene: The scene.
+            scene: The scene, or its tables.
             following_error: How far a joint may be off its curve, for all or by name of
                 a robot or of 'robot/joint' [rad or m].
             skew: How far a robot's clock may be off, for all or by robot [s].

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import TrajectoryError
+from armguard.prove.tube import elevated
 
 Floats = NDArray[np.float64]
 
@@ -50,16 +51,6 @@ def control_points(
         chosen = kinds == degree
         found[chosen] = elevated(control[chosen], highest)
     return found
-
-
-def elevated(control: Floats, degree: int) -> Floats:
-    """The same curves with control points of a higher degree, (s, degree + 1, n)."""
-    while control.shape[1] <= degree:
-        count = control.shape[1]
-        share = (np.arange(1, count) / count)[:, None]
-        inner = share * control[:, :-1] + (1.0 - share) * control[:, 1:]
-        control = np.concatenate((control[:, :1], inner, control[:, -1:]), axis=1)
-    return control
 
 
 def fitted_rates(source: str, times: Floats, q: Floats, degree: int) -> list[Floats]:

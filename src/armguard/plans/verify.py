@@ -13,8 +13,9 @@ from armguard.plans.proof import PlanProof
 from armguard.plans.splines import Interpolation
 from armguard.plans.stop_order import stop_order
 from armguard.prove.paving import NearInterval, Paver
-from armguard.prove.tile_search import HIGH, LABEL, LOW, LOWER, PAIR, SEGMENT
+from armguard.prove.tile_search import LABEL, LOWER, PAIR, PLACE
 from armguard.prove.tube import Tube
+from armguard.prove.tube_tiles import HIGH, LOW
 from armguard.scene import Scene, Trajectory
 
 # Ends of intervals are this exact: in time [s], and without time in rows [-].
@@ -119,7 +120,9 @@ class PlanVerifier:
             tiles=paving.tiles,
             open=paving.open,
             pairs=paving.pairs,
-            leaves=paving.leaves[:, [PAIR, SEGMENT, LOW, HIGH, LABEL, LOWER]],
+            leaves=paving.leaves[
+                :, [PAIR, PLACE, PLACE + LOW, PLACE + HIGH, LABEL, LOWER]
+            ],
         )
 
     def _intervals(self, tube: Tube, resolution: float) -> list[NearInterval]:

@@ -1,8 +1,8 @@
 """Bounds of the distance of two links in a tile of a tube.
 
 In a tile all joints are at the same place of one straight line, and each may deviate
-from there by a width of its own. Two lower bounds of the distance are known; the larger
-counts:
+from there by a width of its own. Joints that follow different parameters are at
+different places. Two lower bounds of the distance are known; the larger counts:
 
 - The distance in the middle less how far both sides may be carried, see `carry`. The
   signed distance changes by no more than that, overlapping as well as apart.
@@ -10,8 +10,7 @@ counts:
   reach, see `armguard.motion.gap_bound`.
 """
 
-from math import cos, inf, sin, sqrt
-from typing import Annotated, NamedTuple
+from math import inf, sqrt
 
 import numba
 import numpy as np
@@ -28,11 +27,24 @@ from armguard.geometry.vec3 import Vec3, cross, dot, norm, scaled, sub
 from armguard.geometry.witness import WITNESS_WIDTH, turn_witness
 from armguard.kernel import kernel
 from armguard.motion.gap_bound import curvature
-from armguard.motion.joint_rows import JointRow, SideMotion, joint_rows
+from armguard.motion.joint_rows import SideMotion, joint_rows
 from armguard.motion.side_reach import side_reach
-from armguard.record import Records
-from armguard.robot.kinematics import FIXED, PRISMATIC
-from armguard.table import IntMatrix, IntVector, Matrix, Vector, table
+from armguard.prove.links import (
+    ANYHOW,
+    APART,
+    EXACT,
+    FOLLOWS,
+    LINK_A,
+    LINK_B,
+    PRIMITIVES,
+    SHARED,
+    Links,
+    TileGap,
+    has_exact,
+    kind_of,
+    move_links,
+)
+from armguard.robot.kinematics import PRISMATIC
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -45,163 +57,34 @@ CONE = int(ShapeKind.CONE)
 ELLIPSOID = int(ShapeKind.ELLIPSOID)
 HALF_SPACE = int(ShapeKind.HALF_SPACE)
 
-# Columns of `Links.pairs`.
-LINK_A, LINK_B, SHARED = range(3)
 
-# Models of a link: primitives that enclose it, and its exact shapes.
-PRIMITIVES, EXACT = range(2)
-
-
-@table
-class Links(NamedTuple):
-    """Pairs of links, and what a bound of them writes.
-
-    Attributes:
-        body: Body of each link, -1 for the world, shape (l,).
-        spans: First primitive and end, first exact shape and end, shape (l, 4).
-        pairs: Two links, and how many joints move both alike, shape (k, 3).
-        need: Distance that each pair has to keep, shape (k,) [m].
-        joints: See `Chains`, shape (b, depth).
-        length: Lengths of the chains, shape (b,).
-        q: Joint positions in the middle of the tile, shape (n,).
-        line: Half of each joint's line, signed, shape (n,).
-        bow: How far each joint's curve may leave its line, shape (n,).
-        wide: How far each joint may leave its curve, shape (n,).
-        away: Joint positions, each off by its width so that a pair is nearer, (n,).
-        slope: Derivative of a pair's distance by each joint, shape (n,).
-        T: Poses of the bodies, shape (b, 12).
-        axes: Their axes: direction and a point, shape (b, 6).
-        size: Greatest displacement of each body's joint, shape (b,).
-        drift: The same without `wide`, shape (b,).
-        rows: Rows of the shapes of one model of both links, shape (s, 16).
-        reaches: Greatest distance of a shape's points from each axis anywhere in the
-            tile, shape (s, depth) [m].
-        sway: How far a shape's points may be carried, and how far without `wide`,
-            shape (s, 2) [m].
-        lever_rows: Scratch for gradients, see `joint_rows`, shape (depth,).
-        hessian: Scratch for second derivatives, shape (depth, 8 · depth).
-    """
-
-    body: IntVector
-    spans: IntMatrix
-    pairs: IntMatrix
-    need: Vector
-    joints: IntMatrix
-    length: IntVector
-    q: Vector
-    line: Vector
-    bow: Vector
-    wide: Vector
-    away: Vector
-    slope: Vector
-    T: Matrix
-    axes: Matrix
-    size: Vector
-    drift: Vector
-    rows: Matrix
-    reaches: Matrix
-    sway: Matrix
-    lever_rows: Annotated[Records[JointRow], 1]
-    hessian: Matrix
-
-
-class TileGap(NamedTuple):
-    """Distance of two links in a tile [m].
-
-    Attributes:
-        lower: It is never below this.
-        upper: At every place of the line some position has it below this.
-        found: A distance that it has in the tile.
-    """
-
-    lower: float
-    upper: float
-    found: float
-
-
-@kernel
-def move_links(q: Floats, p: Plan, t: Links) -> None:
-    """Poses of all bodies and axes of their joints, see `forward_kinematics`."""
-    for body in range(p.parent.shape[0]):
-        up, kind, T, F = p.parent[body], p.joint_kind[body], t.T[body], p.frames[body]
-        if up < 0:
-            for k in range(12):
-                T[k] = F[k]
-        else:
-            above = t.T[up]
-            angle, sine, cosine = 0.0, 0.0, 1.0
-            if kind != FIXED:
-                angle = q[p.q_index[body]] * p.gain[body, 0] + p.gain[body, 1]
-            if kind != FIXED and kind != PRISMATIC:
-                sine, cosine = sin(angle), cos(angle)
-            for r in range(3):
-                u, v, x = above[4 * r], above[4 * r + 1], above[4 * r + 2]
-                a = u * F[0] + v * F[4] + x * F[8]
-                b = u * F[1] + v * F[5] + x * F[9]
-                d = u * F[2] + v * F[6] + x * F[10]
-                o = u * F[3] + v * F[7] + x * F[11] + above[4 * r + 3]
-                T[4 * r], T[4 * r + 1] = a * cosine + b * sine, b * cosine - a * sine
-                T[4 * r + 2] = d
-                T[4 * r + 3] = o + (angle * d if kind == PRISMATIC else 0.0)
-        for r in range(3):
-            t.axes[body, r], t.axes[body, r + 3] = T[4 * r + 2], T[4 * r + 3]
-
-
-@kernel
-def size_joints(p: Plan, t: Links) -> None:
-    """Greatest displacement of each body's joint in the tile."""
-    for body in range(p.parent.shape[0]):
-        t.size[body] = t.drift[body] = 0.0
-        if p.parent[body] >= 0 and p.joint_kind[body] != FIXED:
-            j, gain = p.q_index[body], abs(p.gain[body, 0])
-            t.drift[body] = gain * (abs(t.line[j]) + t.bow[j])
-            t.size[body] = t.drift[body] + gain * t.wide[j]
-
-
-@kernel
-def count_of(link: int, model: int, t: Links) -> int:
-    """Count of shapes of a link in a model; primitives where it has no exact ones."""
-    first, end = t.spans[link, 2], t.spans[link, 3]
-    if model == PRIMITIVES or end == first:
-        first, end = t.spans[link, 0], t.spans[link, 1]
-    return int(end - first)
-
-
-@kernel
-def kind_of(link: int, model: int, k: int, p: Plan, t: Links) -> int:
-    """ShapeKind of shape k of a link in a model."""
-    if model == PRIMITIVES or t.spans[link, 3] == t.spans[link, 2]:
-        return int(p.kinds[t.spans[link, 0] + k])
-    return int(p.exact_kinds[t.spans[link, 2] + k])
-
-
-@kernel
-def place_shapes(
-    link: int, model: int, at: int, shared: int, p: Plan, t: Links
-) -> None:
+@kernel(inline=False)
+def place_shapes(link: int, model: int, shared: int, p: Plan, t: Links) -> None:
     """Place the shapes of a link in a model, and find how far the tile carries them.
 
     Args:
         link: The link.
         model: PRIMITIVES or EXACT.
-        at: Row of its first shape.
         shared: How many joints do not count.
         p: The plan.
         t: The links.
     """
-    body, exact = t.body[link], t.spans[link, 3] > t.spans[link, 2]
-    for k in range(count_of(link, model, t)):
-        kind = kind_of(link, model, k, p, t)
-        local, row = p.rows[t.spans[link, 0] + k], t.rows[at + k]
-        if model == EXACT and exact:
-            local = p.exact_rows[t.spans[link, 2] + k]
+    if t.placed[link, 2 * model] == t.turn[0] and (
+        t.placed[link, 2 * model + 1] == shared
+    ):
+        return
+    t.placed[link, 2 * model], t.placed[link, 2 * model + 1] = t.turn[0], shared
+    body, primitives = t.body[link], p.ball.shape[0]
+    for i in range(t.spans[link, 2 * model], t.spans[link, 2 * model + 1]):
+        kind, row = kind_of(i, p), t.rows[i]
+        local = p.rows[i] if i < primitives else p.exact_rows[i - primitives]
         if body < 0:
             for c in range(ROW_WIDTH):
                 row[c] = local[c]
-            t.sway[at + k, 0] = t.sway[at + k, 1] = 0.0
+            t.sway[i, 0] = t.sway[i, 1] = 0.0
         else:
             place_row(kind, local, t.T[body], row)
-            carry(kind, body, at + k, shared, p, t)
+            carry(kind, body, i, shared, p, t)
 
 
 @kernel
@@ -273,7 +156,7 @@ def directed_gap(
         t: The links.
     """
     gap_one = gap_other = bend = 0.0
-    first = t.pairs[pair, SHARED]
+    first, follows = t.pairs[pair, SHARED], t.pairs[pair, FOLLOWS]
     for side in range(2):
         at, kind, along = (i, kind_i, n) if side == 0 else (j, kind_j, scaled(-1.0, n))
         body = t.body[t.pairs[pair, side]]
@@ -288,12 +171,17 @@ def directed_gap(
                 j_q, gain = p.q_index[b], p.gain[b, 0]
                 row.width = abs(gain) * (t.bow[j_q] + t.wide[j_q])
                 row.half_line, row.widening = gain * t.line[j_q], 0.0
+                if follows == ANYHOW:
+                    row.width += abs(row.half_line)
+                    row.half_line = 0.0
             reaches = t.reaches[at]
             bend += curvature(chain, first, count, reaches, p.joint_kind, t.size)
         motion = SideMotion(
             along, True, t.sway[at, 0], first, count, t.lever_rows, t.hessian
         )
         one, other = side_reach(kind, t.rows[at], motion)
+        if follows == APART:
+            one = other = max(one, other)
         gap_one -= one
         gap_other -= other
     return float(min(gap_one, gap_other) - bend)
@@ -336,14 +224,13 @@ def bound_model(
     """
     seen = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
     a, b, shared = t.pairs[pair, LINK_A], t.pairs[pair, LINK_B], t.pairs[pair, SHARED]
-    many, others = count_of(a, model, t), count_of(b, model, t)
-    place_shapes(a, model, 0, shared, p, t)
-    place_shapes(b, model, many, shared, p, t)
-    lower = upper = found = inf
-    for i in range(many):
-        kind_i = kind_of(a, model, i, p, t)
-        for j in range(many, many + others):
-            kind_j = kind_of(b, model, j - many, p, t)
+    place_shapes(a, model, shared, p, t)
+    place_shapes(b, model, shared, p, t)
+    lower = upper = found = deepest = inf
+    for i in range(t.spans[a, 2 * model], t.spans[a, 2 * model + 1]):
+        kind_i = kind_of(i, p)
+        for j in range(t.spans[b, 2 * model], t.spans[b, 2 * model + 1]):
+            kind_j = kind_of(j, p)
             sway = t.sway[i, 0] + t.sway[j, 0] + SLACK
             apart = balls_apart(i, j, kind_i, kind_j, t)
             if apart - sway >= limit:
@@ -355,14 +242,17 @@ def bound_model(
                 found = distance
                 for k in range(WITNESS_WIDTH):
                     nearest[k] = seen[k]
-            upper = min(upper, distance + t.sway[i, 1] + t.sway[j, 1] + SLACK)
+            drift = t.sway[i, 1] + t.sway[j, 1] + SLACK
+            upper = min(upper, distance + drift)
+            deepest = min(deepest, distance - sway + 2.0 * drift)
             least = distance - sway
-            if not least >= limit and distance > limit:
+            # Where a pair of shapes leaves the tile undecided, the others need not do.
+            if lower >= limit and not least >= limit and distance > limit:
                 n = (seen[7], seen[8], seen[9])
                 gap = directed_gap(pair, i, j, kind_i, kind_j, n, p, t) - SLACK
                 least = max(least, gap)
             lower = min(lower, least) if least == least else -inf
-    return TileGap(lower, upper, found)
+    return TileGap(lower, upper, found, deepest)
 
 
 @kernel
@@ -385,8 +275,8 @@ def slope_of(pair: int, seen: Floats, p: Plan, t: Links) -> None:
 
 
 @kernel(inline=False)
-def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
-    """Distance of a pair of links in the tile whose joints are written.
+def bound_pair(pair: int, limit: float, off: bool, p: Plan, t: Links) -> TileGap:
+    """Distance of a pair of links in the tile in whose middle all bodies are.
 
     Two links are as far apart as the larger of the distances of their primitives and
     of their exact shapes.
@@ -394,22 +284,21 @@ def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
     Args:
         pair: The pair.
         limit: Distance from which on no more has to be known [m].
+        off: Whether `upper` counts positions off the curves as well.
         p: The plan.
         t: The links.
     """
     near = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
-    size_joints(p, t)
-    move_links(t.q, p, t)
     one = bound_model(pair, PRIMITIVES, limit, near, p, t)
-    lower, upper, found = one.lower, one.upper, one.found
+    lower, upper, found, deepest = one.lower, one.upper, one.found, one.deepest
     a, b = t.pairs[pair, LINK_A], t.pairs[pair, LINK_B]
-    exact = t.spans[a, 3] > t.spans[a, 2] or t.spans[b, 3] > t.spans[b, 2]
+    exact = has_exact(a, t) or has_exact(b, t)
     if exact and not lower >= limit:
         two = bound_model(pair, EXACT, limit, near, p, t)
         lower, upper = max(lower, two.lower), max(upper, two.upper)
-        found = max(found, two.found)
-    if not t.wide.any() or lower >= limit or found == inf:
-        return TileGap(lower, upper, found)
+        found, deepest = max(found, two.found), max(deepest, two.deepest)
+    if not off or not t.wide.any() or lower >= limit or not deepest < limit:
+        return TileGap(lower, upper, found, deepest)
     # Where every joint deviates towards the other link, the distance is mostly least.
     slope_of(pair, near, p, t)
     for j in range(t.wide.shape[0]):
@@ -420,4 +309,28 @@ def bound_pair(pair: int, limit: float, p: Plan, t: Links) -> TileGap:
     if exact:
         two = bound_model(pair, EXACT, inf, near, p, t)
         there, worst = max(there, two.upper), max(worst, two.found)
-    return TileGap(lower, min(upper, there), min(found, worst))
+    move_links(t.q, p, t)
+    return TileGap(lower, min(upper, there), min(found, worst), deepest)
+
+
+@kernel(inline=False)
+def measure_ways(pair: int, owner: Ints, p: Plan, t: Links, ways: Floats) -> None:
+    """Write how far each parameter of a tile may carry points of two links.
+
+    Args:
+        pair: The pair of links.
+        owner: Parameter of each joint, shape (n,).
+        p: The plan.
+        t: The links, their bodies in the middle of the tile.
+        ways: Overwritten, one for each parameter [m].
+    """
+    ways[:] = 0.0
+    for side in range(2):
+        link, shared = t.pairs[pair, side], t.pairs[pair, SHARED]
+        body = t.body[link]
+        place_shapes(link, PRIMITIVES, shared, p, t)
+        for k in range(shared, 0 if body < 0 else t.length[body]):
+            b, far = t.joints[body, k], 0.0
+            for i in range(t.spans[link, 0], t.spans[link, 1]):
+                far = max(far, t.reaches[i, k])
+            ways[owner[p.q_index[b]]] += far * t.drift[b]

@@ -1,11 +1,13 @@
-"""When links are nearer than they may be in a tube, how near, and a proof of the rest.
+"""Where links are nearer than they may be in tubes, how near, and a proof of the rest.
 
-The tube is cut into tiles. Lanes drop every pair of primitives that is surely apart in
+A box of one to four parameters, each with a tube of the joints that follow it, is cut
+into tiles. Lanes drop every pair of primitives that is surely apart in
 eight tiles at once. A tile of two links that is left is halved until it is decided. So
 every time of every checked pair is in a tile that is proven free, or in one that is
 not, and touching is assumed wherever nothing is proven.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -16,21 +18,21 @@ from armguard.batch.checker import Checker
 from armguard.batch.tiles import BoxSearch
 from armguard.prove.scene_links import SceneLinks
 from armguard.prove.tile_search import (
-    COLUMNS,
     FREE,
-    HIGH,
     LABEL,
-    LOW,
+    LEVELS,
     LOWER,
     PAIR,
-    SEGMENT,
+    PARAMETERS,
+    PLACE,
     UPPER,
     Leaves,
+    Waiting,
     decide_tiles,
     least_in_tiles,
 )
-from armguard.prove.tube import Tube
-from armguard.prove.tube_tiles import TubeTable, tile_boxes
+from armguard.prove.tube import Tube, tube_table
+from armguard.prove.tube_tiles import HIGH, LOW, SPAN, TubeTable, tile_boxes
 from armguard.table import Ledger
 
 Floats = NDArray[np.float64]
@@ -38,6 +40,9 @@ Longs = NDArray[np.int64]
 
 # The joints turn at most this much in all in a tile that lanes judge [rad or m].
 TURN = 0.2
+
+# Of a box of several parameters, more tiles than this are not judged at first.
+MOST_TILES = 100_000
 
 # Distances are sought to within this, and with widths to within the other [m].
 TOLERANCE = 1e-5
@@ -93,13 +98,29 @@ class Paving:
         open: Tile and both links of each pair that they left open, shape (m, 3).
         pairs: The pairs of links that are open somewhere, shape (c, 2).
         leaves: Tiles of these that are decided, see `tile_search`; by pair, then in
-            the order of time, shape (l, COLUMNS).
+            the order of time, shape (l, PLACE + SPAN).
     """
 
     tiles: Floats
     open: Longs
     pairs: Longs
     leaves: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class BoxPaving:
+    """Tiles of a box of parameters that hold all of it.
+
+    Attributes:
+        leaves: Decided tiles, see `tile_search`; segments are those of each
+            parameter's own tube, shape (l, PLACE + SPAN · d).
+        open: Leaf and pair of each pair that is not decided in it, shape (m, 2).
+        pairs: The pairs of links that may be too near somewhere, shape (c, 2).
+    """
+
+    leaves: Floats
+    open: Longs
+    pairs: Longs
 
 
 class Paver:
@@ -123,20 +144,47 @@ class Paver:
             tube: The tube.
             resolution: Time that is not divided further [s].
         """
-        tiles, middles, halves = boxes_of(tube)
-        found, _ = self._boxes.pairs(middles, halves, 0.0, 1)
-        code = self.links.pairs_of(found[:, 1:]) * len(tiles) + found[:, 0]
-        number, tile = np.divmod(np.unique(code), len(tiles))
-        known, pair = np.unique(number, return_inverse=True)
-        pairs = self.links.ends_of(known)
-        items: Floats = np.column_stack((pair, tiles[tile]))
+        tiles, table = tube.tiles(TURN), tube_table([tube], resolution)
+        tile, pair, pairs = self._open(tiles, table)
+        order = np.lexsort((tile, pair))
+        tile, pair = tile[order], pair[order]
         need = self.links.buffers(pairs)
         return Paving(
             tiles=tiles,
             open=np.column_stack((tile, pairs[pair])),
             pairs=pairs,
-            leaves=self._decide(items, pairs, need, tube.table(resolution)),
+            leaves=self._decide(tiles[tile], pair, pairs, need, table),
         )
+
+    def pave_box(
+        self,
+        tubes: Sequence[Tube],
+        owner: NDArray[np.intp],
+        resolution: float,
+        *,
+        turn: float = TURN,
+    ) -> BoxPaving:
+        """Decide for all values of some parameters which pairs keep their buffer.
+
+        Args:
+            tubes: One for each parameter, one to four.
+            owner: The parameter that each joint follows, shape (n,).
+            resolution: Of each parameter, what is not divided further.
+            turn: The joints of a parameter turn at most this much in all in a tile that
+                lanes judge, unless that makes too many [rad or m].
+        """
+        assert 1 <= len(tubes) <= PARAMETERS
+        table = tube_table(tubes, resolution, owner)
+        tiles = tiles_of(tubes, turn)
+        tile, pair, pairs = self._open(tiles, table)
+        first = np.searchsorted(tile, np.arange(len(tiles) + 1))
+        need = self.links.buffers(pairs)
+        leaves, undecided = self._decided(tiles, first, pair, pairs, need, table)
+        begin = 0
+        for d, tube in enumerate(tubes):
+            leaves[:, PLACE + SPAN * d] -= begin
+            begin += len(tube.control)
+        return BoxPaving(leaves, undecided, pairs)
 
     def intervals(
         self, paving: Paving, tube: Tube, resolution: float
@@ -151,16 +199,16 @@ class Paver:
         near = paving.leaves[paving.leaves[:, LABEL] != FREE]
         if not len(near):
             return []
-        pairs, table = paving.pairs, tube.table(resolution)
+        pairs, table = paving.pairs, tube_table([tube], resolution)
         group, start, end = runs(near, tube)
         nearest = self._nearest(near, group, pairs, tube)
         touching = np.array([place.bound <= 0.0 for place in nearest])
         maybe = near[touching[group]]
-        within = self._decide(
-            maybe[:, [PAIR, SEGMENT, LOW, HIGH]], pairs, np.zeros(len(pairs)), table
-        )
+        own_pair = maybe[:, PAIR].astype(np.int64)
+        none = np.zeros(len(pairs))
+        within = self._decide(maybe[:, PLACE:], own_pair, pairs, none, table)
         within = within[within[:, LABEL] != FREE]
-        begin = tube.time(within[:, SEGMENT].astype(np.intp), within[:, LOW])
+        begin = tube.time(within[:, PLACE].astype(np.intp), within[:, PLACE + LOW])
         buffers = self.links.buffers(pairs)
         found = []
         for k, place in enumerate(nearest):
@@ -185,40 +233,70 @@ class Paver:
         first = np.array([[near.a[row], near.b[row]]], dtype=np.int64)
         segment, share = tube.place(tube.times[[row]])
         low = min(float(share[0]), 1.0 - 1e-6)
-        tile = np.array([[0.0, segment[0], low, low + 1e-6, 0.0, -inf, inf]])
+        tile = np.array([[0.0, 0.0, -inf, inf, segment[0], low, low + 1e-6]])
         pairs = self.links.ends_of(self.links.pairs_of(first))
         [place] = self._nearest(tile, np.zeros(1, dtype=np.intp), pairs, tube)
-        tiles, middles, halves = boxes_of(tube)
-        found, bound = self._boxes.pairs(middles, halves, place.distance, 0)
+        tiles = tube.tiles(TURN)
+        boxes = boxes_of(tiles, tube_table([tube], 0.0))
+        found, bound = self._boxes.pairs(*boxes, place.distance, 0)
         if not len(found):
             return place
         order = np.argsort(bound, kind="stable")
         found, bound = found[order], bound[order]
         known, pair = np.unique(self.links.pairs_of(found[:, 1:]), return_inverse=True)
-        leaves = np.zeros((len(found), COLUMNS))
-        leaves[:, PAIR], leaves[:, SEGMENT:LABEL] = pair, tiles[found[:, 0]]
+        leaves = np.zeros((len(found), PLACE + SPAN))
+        leaves[:, PAIR], leaves[:, PLACE:] = pair, tiles[found[:, 0]]
         leaves[:, LOWER], leaves[:, UPPER] = bound, inf
         one = np.zeros(len(leaves), dtype=np.intp)
         return self._nearest(leaves, one, self.links.ends_of(known), tube)[0]
 
+    def _open(
+        self, tiles: Floats, table: TubeTable
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Longs]:
+        """Tile and pair of what lanes leave open, by tile; the links of all pairs."""
+        found, _ = self._boxes.pairs(*boxes_of(tiles, table), 0.0, 1)
+        number = self.links.pairs_of(found[:, 1:])
+        known, pair = np.unique(number, return_inverse=True)
+        code = np.unique(found[:, 0] * max(len(known), 1) + pair)
+        return *np.divmod(code, max(len(known), 1)), self.links.ends_of(known)
+
     def _decide(
-        self, items: Floats, pairs: Longs, need: Floats, table: TubeTable
+        self, tiles: Floats, pair: Longs, pairs: Longs, need: Floats, table: TubeTable
     ) -> Floats:
-        """Leaves of tiles of pairs, see `decide_tiles`."""
-        found = [np.empty((0, COLUMNS))]
-        if not len(items):
-            return found[0]
-        links, tube = self.links.ledger(pairs, need), Ledger(table)
-        room, at = max(2 * len(items), 1024), 0
-        items = np.ascontiguousarray(items, dtype=np.float64)
-        while at < len(items):
-            rows = np.empty((room, COLUMNS))
-            leaves = Leaves(np.zeros(1, dtype=np.int64), rows)
-            ledgers = self._world, links, tube, Ledger(leaves)
-            at = decide_tiles(items, at, *(ledger.lines for ledger in ledgers))
-            found.append(rows[: leaves.total[0]])
-            room *= 2
-        return np.concatenate(found)
+        """Leaves of tiles of one pair each, see `decide_tiles`."""
+        first = np.arange(len(tiles) + 1)
+        return self._decided(tiles, first, pair, pairs, need, table)[0]
+
+    def _decided(
+        self,
+        tiles: Floats,
+        first: Longs,
+        open_pairs: Longs,
+        pairs: Longs,
+        need: Floats,
+        table: TubeTable,
+    ) -> tuple[Floats, Longs]:
+        """Leaves of tiles, and what is not decided, see `decide_tiles`."""
+        count = int(np.diff(first).max(initial=1))
+        waiting = Ledger(waiting_of(tiles.shape[1], count))
+        links, tube = self.links.ledger(pairs, need, table.owner), Ledger(table)
+        room, at, total = max(2 * len(tiles), 1024), 0, 0
+        rows = [np.empty((0, PLACE + tiles.shape[1]))]
+        undecided = [np.empty((0, 2), dtype=np.int64)]
+        given = np.ascontiguousarray(tiles), first, np.ascontiguousarray(open_pairs)
+        while at < len(tiles):
+            leaves = Leaves(
+                total=np.zeros(2, dtype=np.int64),
+                rows=np.empty((room, rows[0].shape[1])),
+                open=np.empty((room, 2), dtype=np.int64),
+            )
+            ledgers = self._world, links, tube, waiting, Ledger(leaves)
+            at = decide_tiles(*given, at, *(ledger.lines for ledger in ledgers))
+            leaf_count, open_count = leaves.total
+            rows.append(leaves.rows[:leaf_count])
+            undecided.append(leaves.open[:open_count] + np.array([total, 0]))
+            total, room = total + leaf_count, 2 * room
+        return np.concatenate(rows), np.concatenate(undecided)
 
     def _nearest(
         self, leaves: Floats, group: NDArray[np.intp], pairs: Longs, tube: Tube
@@ -229,10 +307,11 @@ class Paver:
         given = leaves[order]
         given[:, LABEL] = group[order]
         best = np.zeros((int(group.max()) + 1, 5))
-        links = self.links.ledger(pairs, np.zeros(len(pairs)))
+        table = tube_table([tube], 0.0)
+        links = self.links.ledger(pairs, np.zeros(len(pairs)), table.owner)
         tolerance = WIDE_TOLERANCE if tube.wide.any() else TOLERANCE
-        world, table = self._world.lines, Ledger(tube.table(0.0))
-        least_in_tiles(given, tolerance, world, links.lines, table.lines, best)
+        world, place = self._world.lines, Ledger(table)
+        least_in_tiles(given, tolerance, world, links.lines, place.lines, best)
         times = tube.time(best[:, 3].astype(np.intp), best[:, 4])
         found = []
         for (distance, bound, pair, _, _), time in zip(best, times, strict=True):
@@ -244,17 +323,54 @@ class Paver:
         return found
 
 
-def boxes_of(tube: Tube) -> tuple[Floats, Floats, Floats]:
-    """Tiles of a tube, and the boxes of joint positions that hold it in each.
+def tiles_of(tubes: Sequence[Tube], turn: float) -> Floats:
+    """First tiles of a box of parameters, shape (k, SPAN · d).
+
+    Args:
+        tubes: One for each parameter.
+        turn: See `Tube.tiles`; it is doubled while there are more than MOST_TILES.
+    """
+    while True:
+        each = [tube.tiles(turn) for tube in tubes]
+        count = np.prod([len(tiles) for tiles in each], dtype=float)
+        if count <= MOST_TILES or all(
+            len(tiles) == len(tube.control)
+            for tiles, tube in zip(each, tubes, strict=True)
+        ):
+            break
+        turn *= 2.0
+    begin = 0
+    for tiles, tube in zip(each, tubes, strict=True):
+        tiles[:, 0] += begin
+        begin += len(tube.control)
+    places = np.indices([len(tiles) for tiles in each]).reshape(len(each), -1)
+    return np.hstack([tiles[k] for tiles, k in zip(each, places, strict=True)])
+
+
+def waiting_of(width: int, count: int) -> Waiting:
+    """Room for tiles that wait, of so many numbers and with at most `count` pairs."""
+    parameters = width // SPAN
+    room = LEVELS * parameters + 2
+    return Waiting(
+        size=np.zeros(1, dtype=np.int64),
+        tiles=np.zeros((room, width)),
+        lists=np.zeros((room, 2), dtype=np.int64),
+        pairs=np.zeros((room + 1) * count, dtype=np.int64),
+        tile=np.zeros(width),
+        ways=np.ones(parameters),
+    )
+
+
+def boxes_of(tiles: Floats, table: TubeTable) -> tuple[Floats, Floats]:
+    """Boxes of joint positions that hold tubes in each tile.
 
     Returns:
-        Tiles as in `Tube.tiles`, middles and half widths of the boxes, shape (k, n).
+        Middles and half widths of the boxes, shape (k, n).
     """
-    tiles = tube.tiles(TURN)
-    middles, halves = np.empty((2, len(tiles), tube.control.shape[2]))
-    bow = np.zeros(middles.shape[1])
-    tile_boxes(tiles, Ledger(tube.table(0.0)).lines, middles, halves, bow)
-    return tiles, middles, halves
+    middles, halves = np.empty((2, len(tiles), table.wide.shape[1]))
+    scratch = np.zeros((2, middles.shape[1]))
+    tile_boxes(tiles, Ledger(table).lines, middles, halves, scratch)
+    return middles, halves
 
 
 def runs(
@@ -265,9 +381,9 @@ def runs(
     Returns:
         The run of each leaf, shape (k,), and the start and end of each run [s].
     """
-    segment = leaves[:, SEGMENT].astype(np.intp)
-    start = tube.time(segment, leaves[:, LOW])
-    end = tube.time(segment, leaves[:, HIGH])
+    segment = leaves[:, PLACE].astype(np.intp)
+    start = tube.time(segment, leaves[:, PLACE + LOW])
+    end = tube.time(segment, leaves[:, PLACE + HIGH])
     goes_on = (leaves[1:, PAIR] == leaves[:-1, PAIR]) & (start[1:] == end[:-1])
     first = np.flatnonzero(np.concatenate(([True], ~goes_on)))
     group = np.zeros(len(leaves), dtype=np.intp)

@@ -1,6 +1,7 @@
 """A tube: where all joints may be over time, as curves plus or minus a width."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import comb
 from typing import Self
 
@@ -24,11 +25,14 @@ class Tube:
         control: Control points, shape (s, degree + 1, n) [rad or m].
         wide: Greatest deviation of each joint from its curve in each segment, of any
             sign and independent of the others, shape (s, n) [rad or m].
+        bow: How far each joint's curve may leave that polynomial, shape (s, n); None
+            if it is that polynomial [rad or m].
     """
 
     times: Floats
     control: Floats
     wide: Floats
+    bow: Floats | None = None
 
     @classmethod
     def straight(cls, times: Floats, rows: Floats) -> Self:
@@ -48,11 +52,54 @@ class Tube:
 
     def without_width(self) -> "Tube":
         """The curves alone."""
-        return Tube(self.times, self.control, np.zeros_like(self.wide))
+        return replace(self, wide=np.zeros_like(self.wide))
 
     def widened(self, wide: Floats) -> "Tube":
         """The same with more width, of shape (s, n) or what broadcasts to it."""
-        return Tube(self.times, self.control, np.ascontiguousarray(self.wide + wide))
+        return replace(self, wide=np.ascontiguousarray(self.wide + wide))
+
+    def thinned(self, tolerance: float) -> "Tube":
+        """The same with chords in place of several segments, where these are near.
+
+        Args:
+            tolerance: How far curves may leave such a chord, which is then their bow
+                [rad or m].
+        """
+        count, degree = len(self.control), self.degree
+        knots, control, bow = [0], [], []
+        while knots[-1] < count:
+            start, step = knots[-1], 1
+            while start + step < count:
+                longer = min(2 * step, count - start)
+                if self._chord_error(start, start + longer).max() > tolerance:
+                    break
+                step = longer
+            knots.append(start + step)
+            if step == 1:
+                own = self.bow
+                bow.append(np.zeros_like(self.wide[0]) if own is None else own[start])
+                control.append(self.control[start])
+                continue
+            bow.append(self._chord_error(start, start + step))
+            ends = self.control[start, 0], self.control[start + step - 1, -1]
+            control.append(elevated(np.array([ends]), degree)[0])
+        return Tube(
+            times=self.times[knots],
+            control=np.array(control),
+            wide=np.maximum.reduceat(self.wide, np.array(knots[:-1]), axis=0),
+            bow=np.array(bow),
+        )
+
+    def _chord_error(self, first: int, end: int) -> Floats:
+        """How far each joint's curve leaves the chord of some segments, shape (n,)."""
+        part, times = self.control[first:end], self.times[first : end + 1]
+        share = np.arange(self.degree + 1) / self.degree
+        places = times[:-1, None] + share * np.diff(times)[:, None]
+        places = (places - times[0]) / (times[-1] - times[0])
+        start, end_point = part[0, 0], part[-1, -1]
+        chord = start + places[:, :, None] * (end_point - start)
+        error: Floats = np.abs(part - chord).max(axis=(0, 1))
+        return error if self.bow is None else error + self.bow[first:end].max(axis=0)
 
     def place(self, times: Floats) -> tuple[NDArray[np.intp], Floats]:
         """Segment of each time, and the share of it that has passed then."""
@@ -86,26 +133,11 @@ class Tube:
         steps = np.abs(np.diff(self.control, axis=1)).max(axis=1)
         return np.asarray(self.degree * steps / np.diff(self.times)[:, None])
 
-    def table(self, resolution: float) -> TubeTable:
-        """The tube as kernels read it.
-
-        Args:
-            resolution: Time below which a tile is not halved [s].
-        """
-        assert self.degree < MOST_CONTROL
-        return TubeTable(
-            control=np.ascontiguousarray(
-                self.control.reshape(-1, self.control.shape[2])
-            ),
-            wide=np.ascontiguousarray(self.wide),
-            smallest=resolution / np.diff(self.times),
-        )
-
     def tiles(self, turn: float) -> Floats:
         """Segments, cut where their joints turn more than `turn` in all.
 
         Returns:
-            Segment, and shares of it where each tile begins and ends, shape (k, 3).
+            Segment, and shares of it where each tile begins and ends, shape (k, SPAN).
         """
         turned = np.abs(np.diff(self.control, axis=1)).sum(axis=(1, 2))
         parts = np.maximum(np.ceil(turned / turn), 1.0).astype(np.intp)
@@ -113,3 +145,40 @@ class Tube:
         number = np.arange(len(segment)) - np.repeat(np.cumsum(parts) - parts, parts)
         count = parts[segment]
         return np.column_stack((segment, number / count, (number + 1) / count))
+
+
+def elevated(control: Floats, degree: int) -> Floats:
+    """The same curves with control points of a higher degree, (s, degree + 1, n)."""
+    while control.shape[1] <= degree:
+        count = control.shape[1]
+        share = (np.arange(1, count) / count)[:, None]
+        inner = share * control[:, :-1] + (1.0 - share) * control[:, 1:]
+        control = np.concatenate((control[:, :1], inner, control[:, -1:]), axis=1)
+    return control
+
+
+def tube_table(
+    tubes: Sequence[Tube], resolution: float, owner: NDArray[np.intp] | None = None
+) -> TubeTable:
+    """Tubes as kernels read them, the segments of each behind those of the last.
+
+    Args:
+        tubes: One for each parameter.
+        resolution: Time below which a tile is not halved [s].
+        owner: Parameter that each joint follows, shape (n,); the first by default.
+    """
+    degree = max(tube.degree for tube in tubes)
+    assert degree < MOST_CONTROL
+    control = np.concatenate([elevated(tube.control, degree) for tube in tubes])
+    count, joints = len(control), control.shape[2]
+    bows = [np.zeros_like(t.wide) if t.bow is None else t.bow for t in tubes]
+    durations = np.concatenate([np.diff(tube.times) for tube in tubes])
+    if owner is None:
+        owner = np.zeros(joints, dtype=np.intp)
+    return TubeTable(
+        control=np.ascontiguousarray(control.reshape(count * (degree + 1), joints)),
+        bow=np.ascontiguousarray(np.concatenate(bows)),
+        wide=np.ascontiguousarray(np.concatenate([tube.wide for tube in tubes])),
+        smallest=resolution / durations,
+        owner=owner.astype(np.int32),
+    )

@@ -1,0 +1,1 @@
+"""Plans of two arms that are mapped, and an oracle of them."""

@@ -1,0 +1,45 @@
+"""Arms whose plans lead into the space of others, for tests of maps."""
+
+import numpy as np
+
+import armguard as ag
+from armguard.maps.cell_plan import CellPlan
+from arms import simple_arm
+
+# Where the arms stand [m]; they turn about z, the third one by half a turn at rest.
+BASES = {
+    "left": (0.0, 0.35, 0.0),
+    "right": (0.0, -0.35, 0.0),
+    "third": (1.25, 0.0, 0.0),
+}
+
+
+def cell_of(robots=("left", "right"), buffer=0.01):
+    """Arms of three capsules each, side by side, at one height."""
+    scene = ag.Scene(mode="fixed", buffer=buffer)
+    for name in robots:
+        turn = np.pi if name == "third" else 0.0
+        base = ag.Pose(xyz=BASES[name], rpy=(0.0, 0.0, turn))
+        scene.add_robot(simple_arm(joints=2), name=name, base=base)
+    return scene
+
+
+def plan_through(scene, robot, turns, step=1.0, **errors):
+    """A plan of one arm: its first joint turns to each of some angles in a second."""
+    rows = np.zeros((len(turns), 2))
+    rows[:, 0] = turns
+    times = step * np.arange(len(turns))
+    names = (f"{robot}/joint1", f"{robot}/joint2")
+    motion = ag.Trajectory(names, rows, times, f"{robot}.csv")
+    return CellPlan(ag.Plan.of(motion, scene, hold_home=True), **errors)
+
+
+def swings(scene, seed, rows=7, **errors):
+    """Plans of both arms that swing into the other's space and out of it."""
+    rng = np.random.default_rng(seed)
+    found = {}
+    for robot, side in (("left", -1.0), ("right", 1.0)):
+        turns = rng.uniform(-0.7, -0.2, rows)
+        turns[1::2] = rng.uniform(0.4, 0.8, len(turns[1::2]))
+        found[robot] = plan_through(scene, robot, side * turns, **errors)
+    return found
