@@ -5,7 +5,7 @@ make sense-campaign ARGS="--minutes 1 --boxes 10"
 
 Links and modelled objects: minutes of motion without foreign bodies, with and without
 errors of mounting and of stamps. Boxes: one at a random place and attitude before a
-sensor, and then none. Writes docs/sense.json and the table of docs/sense.md.
+sensor, and then none. Blindfolds: one of two cameras fails for three seconds. Writes docs/sense.json and the table of docs/sense.md.
 """
 
 import argparse
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import armguard as ag
+import blindfold
 from armguard.sense.history import JointHistory
 from armguard.sense.prediction import mount_of
 from armguard.sense.ranging import nearest
@@ -159,7 +160,7 @@ def table(found: dict[str, Any]) -> str:
             f"{sum(k is None or k > 2 for k in seen)} | {sum(t <= 1 for t in known)} | "
             f"{max(known, default=np.nan):.2f}{' or more' * (None in gone)} |"
         )
-    return "\n".join((*rows, ""))
+    return "\n".join((*rows, "", blindfold.table(found["blindfolds"])))
 
 
 def main() -> None:
@@ -167,6 +168,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=3.0)
     parser.add_argument("--boxes", type=int, default=100)
+    parser.add_argument("--blindfolds", type=int, default=10)
     given = parser.parse_args()
     motions = [motion(given.minutes, *errors) for errors in ((0, 0), (0.01, 0.005))]
     names = list(sensed_bay().sensors)
@@ -178,7 +180,8 @@ def main() -> None:
         one = box(name, seed)
         boxes += [one] if one is not None else []
         seed += 1
-    found = {"motions": motions, "boxes": boxes}
+    blindfolds = blindfold.measure(given.blindfolds)
+    found = {"motions": motions, "boxes": boxes, "blindfolds": blindfolds}
     (DOCS / "sense.json").write_text(json.dumps(found, indent=1) + "\n", "utf-8")
     page = DOCS / "sense.md"
     text = page.read_text("utf-8")
