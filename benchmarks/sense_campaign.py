@@ -5,7 +5,8 @@ make sense-campaign ARGS="--minutes 1 --boxes 10"
 
 Links and modelled objects: minutes of motion without foreign bodies, with and without
 errors of mounting and of stamps. Boxes: one at a random place and attitude before a
-sensor, and then none. Blindfolds: one of two cameras fails for three seconds. Writes docs/sense.json and the table of docs/sense.md.
+sensor, and then none. Blindfolds: one of two cameras fails for three seconds. Writes
+docs/sense.json and the tables of docs/sense.md.
 """
 
 import argparse
