@@ -1,8 +1,8 @@
 """Arms under two cameras, of which one is blindfolded for a while.
 
 Part of `make sense-campaign`. Each camera looks at one arm of the bay. An operator
-moves both arms to and fro through the filter; after a stop he lets go and tries again.
-The same motion without a blindfold is what the others are compared with.
+moves both arms to and fro through the filter, lets go after a stop and tries again. The
+others are compared with the same motion without a blindfold.
 """
 
 import heapq
@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 SETTLED, BLIND, SEES, END = 1.0, 4.0, 7.0, 11.0
 WHILE, AFTER = (BLIND + 0.5, SEES), (SEES + 1.5, END)
 
-# Desired speed [rad/s], and cycles after which the operator of an arm that does not
-# move lets go, and those until he tries again.
+# Desired speed [rad/s], and cycles after which the operator lets go of an arm that does
+# not move, and before the next try.
 SPEED, LETS_GO = 0.2, 10
 
 # How the camera fails: all of its distances are invalid, or it sends no frames.

@@ -257,7 +257,7 @@ def test_a_floor_is_kept_between_robots(world):
     assert headroom(world, rows).min() >= 0.08 - 0.01 - 1e-7
 
 
-def test_own_links_and_the_still_world_are_told_of_each_plan_alone(world):
+def test_own_links_and_static_objects_are_reported_for_each_plan_alone(world):
     scene = cell_of()
     ball = ag.Sphere(radius=0.2)
     scene.add(ball, name="ball", pose=ag.Pose(xyz=(0.0, 0.7, 0.0)))

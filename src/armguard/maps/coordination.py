@@ -233,8 +233,8 @@ class Coordinator:
         """The map of the robots' plans.
 
         Args:
-            plans: What each robot executes.
-            resolution: What is not divided further of each plan [s]; by default a share
+            plans: Plan of each robot by its name.
+            resolution: Part of each plan that is not divided further [s]; by default a share
                 of the longest.
 
         Raises:

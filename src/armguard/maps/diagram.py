@@ -104,7 +104,7 @@ class DiagramMaker:
 
         Args:
             tubes: What holds each robot's joints.
-            resolution: What is not divided further [s]; by default a share of the
+            resolution: Time that is not divided further [s]; by default a share of the
                 longer plan.
         """
         starts = tuple(float(tube.times[0]) for tube in tubes)
