@@ -1,8 +1,8 @@
 """Arms under two cameras, of which one is blindfolded for a while.
 
 Part of `make sense-campaign`. Each camera looks at one arm of the bay. An operator
-moves both arms to and fro through the filter, lets go after a stop and tries again. The
-others are compared with the same motion without a blindfold.
+moves both arms to and fro through the filter, lets go after a stop and tries again.
+The others are compared with the same motion without a blindfold.
 """
 
 import heapq
