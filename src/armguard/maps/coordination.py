@@ -234,7 +234,7 @@ class Coordinator:
 
         Args:
             plans: Plan of each robot by its name.
-            resolution: Part of each plan that is not divided further [s]; by default a share
+            resolution: Part of a plan that is not divided further [s]; by default a share
                 of the longest.
 
         Raises:

@@ -231,9 +231,14 @@ WRONG = {
     "half a change": ("payload", CELLS.pack(1, 1, 1.0) + bytes(20)),
     "not the first": ("cells_order", CELLS.pack(1, 2, 1.0)),
     "no time": ("cells", CELLS.pack(1, 1, np.nan)),
-    "no word": ("cells", CELLS.pack(1, 1, 1.0) + CHANGE.pack(bytes(16), 0, 0, -1, 0)),
+    "no word": (
+        "cells", CELLS.pack(1, 1, 1.0) + CHANGE.pack(bytes(16), 0, 0, -1, 0, 0, 0)
+    ),
     "no error": (
-        "cells", CELLS.pack(1, 1, 1.0) + CHANGE.pack(bytes(16), 0, np.nan, 1, 0)
+        "cells", CELLS.pack(1, 1, 1.0) + CHANGE.pack(bytes(16), 0, np.nan, 1, 0, 0, 0)
+    ),
+    "no sensor": (
+        "cells", CELLS.pack(1, 1, 1.0) + CHANGE.pack(bytes(16), 0, 0, 1, 0, 256, 0)
     ),
 }  # fmt: skip
 

@@ -75,6 +75,8 @@ class Change(NamedTuple):
     error: F64  # greatest error of the poses they were seen from [m]
     word: I32  # number of the word, see [cells.md](cells.md)
     motion: I32  # motion of its occupied cells: 0 still, 1 moving
+    source: I32  # the sensor that looked last, from 1 on; 0 none, 255 several
+    zero: I32  # 0
 
 
 class CellsTaken(NamedTuple):
