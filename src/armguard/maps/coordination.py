@@ -234,8 +234,8 @@ class Coordinator:
 
         Args:
             plans: Plan of each robot by its name.
-            resolution: Part of a plan that is not divided further [s]; by default a share
-                of the longest.
+            resolution: Part of a plan that is not divided further [s]; by default a
+                share of the longest.
 
         Raises:
             CoordinationError: A robot has no plan, or a row that has a name is none.

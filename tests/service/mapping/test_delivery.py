@@ -31,7 +31,7 @@ class Filled:
     def __init__(self, seed=0):
         self.cells = CellMap(CENTRE, CELL, SIZE)
         self.rng = np.random.default_rng(seed)
-        self.stamp, self.sent = -np.inf, 0.0
+        self.stamp, self.sent = -np.inf, -1.0
 
     def look(self, stamp):
         image = np.full((48, 64), 2.4)
@@ -251,17 +251,22 @@ def test_changes_that_cannot_be_are_dropped_and_change_nothing(desk, wrong):
 
 
 def test_no_more_changes_are_taken_than_the_guard_may_have_in_a_cycle(desk):
-    change = CHANGE.pack(bytes(16), 0.0, 0.0, 1, 0)
-    full = MOST_CHANGES * change
-    assert 2 * MOST_CHANGES <= MOST_IN_A_CYCLE < 3 * MOST_CHANGES
-    rest = (MOST_IN_A_CYCLE - 2 * MOST_CHANGES) * change
-    assert desk.hear(CELLS.pack(1, 1, 1.0) + full) == ""
-    assert desk.hear(CELLS.pack(1, 2, 1.1) + full) == ""
-    assert desk.hear(CELLS.pack(1, 3, 1.2) + rest + change) == "busy"
-    assert desk.hear(CELLS.pack(1, 3, 1.2) + rest) == ""
-    assert desk.hear(CELLS.pack(1, 4, 1.3) + change) == "busy" and desk.stamp == 1.2
+    change = CHANGE.pack(bytes(16), 0.0, 0.0, 1, 0, 0, 0)
+    whole, rest = divmod(MOST_IN_A_CYCLE, MOST_CHANGES)
+    assert whole > 1 < rest
+    for k in range(whole):
+        number = k + 1
+        assert (
+            desk.hear(CELLS.pack(1, number, 1 + 0.1 * k) + MOST_CHANGES * change) == ""
+        )
+    stamp = 1 + 0.1 * whole
+    head = CELLS.pack(1, whole + 1, stamp)
+    assert desk.hear(head + (rest + 1) * change) == "busy"
+    assert desk.hear(head + rest * change) == ""
+    head = CELLS.pack(1, whole + 2, stamp + 0.1)
+    assert desk.hear(head + change) == "busy" and desk.stamp == stamp
     desk.mapped.renew()
-    assert desk.hear(CELLS.pack(1, 4, 1.3) + change) == "" and desk.stamp == 1.3
+    assert desk.hear(head + change) == "" and desk.stamp == stamp + 0.1
 
 
 def test_health_goes_to_all_clients_and_into_the_recording(desk):

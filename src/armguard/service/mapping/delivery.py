@@ -101,7 +101,7 @@ class Delivery:
         found: Any = records(len(some), Delta)
         found["bits"][:, 0] = claims.occupied.words[some]
         found["bits"][:, 1] = claims.unknown.words[some]
-        for name in ("stamp", "error", "motion"):
+        for name in ("stamp", "error", "motion", "source"):
             found[name] = getattr(claims, name)[some]
         found["word"] = some
         return found
