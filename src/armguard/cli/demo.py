@@ -100,9 +100,8 @@ def demo(
         options.append("--simulated-sensors")
     with interrupted() as ended, Stage(scene, *options, "--no-self-test") as stage:
         stage.start_service()
-        tables = compile_scene(
-            open_scene(scene, period=PERIOD, late=late, stale=stale)[0]
-        )
+        made, *_ = open_scene(scene, period=PERIOD, late=late, stale=stale)
+        tables = compile_scene(made)
         stage.wait_for_service(waiting(ended))
         stage.start_arms()
         stage.start_operator(seed=seed)

@@ -280,10 +280,9 @@ class Loop:
 
     def _cells_seen(self, time: float | None) -> SlotsSeen | None:
         """What is known of the cells in slots; None without sensed space or a time."""
-        tables = self.tables
-        if time is None or tables.sensing is None:
+        if time is None or self.tables.sensing is None:
             return None
-        seen_at = self._watch.seen_at[tables.modelled :]
+        seen_at = self._watch.seen_at[self.tables.modelled :]
         return SlotsSeen(time - seen_at, self._sensed.table.sources.copy())
 
     def _answer(

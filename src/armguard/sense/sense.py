@@ -71,8 +71,7 @@ class Sense:
 
     Args:
         scene: A scene with `sensors` and `sensing`.
-        guard: A guard of it, which gets the changes of the map; objects are then where
-            it has them.
+        guard: A guard of it, which gets the changes of the map and places objects.
         record: A binary file, which gets all joint positions and frames, to be played
             by `play` or `armguard sense --play`.
 
