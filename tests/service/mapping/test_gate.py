@@ -8,6 +8,7 @@ import pytest
 from armguard.scene import bay_scene
 from armguard.service.mapping.gate import (
     FORGET,
+    MOST_POINTS,
     MOST_SENDERS,
     OLDEST,
     SILENT,
@@ -30,6 +31,8 @@ def sensors():
     scene = bay_scene("path")
     scene.add_sensor("top", kind="depth", size=(COLUMNS, ROWS), focal=60)
     scene.add_sensor("skin", kind="vl53l8cx", on="left/link5")
+    scene.add_sensor("lidar", kind="points", spacing=0.01)
+    scene.add_sensor("sonar", kind="range")
     return scene.sensors
 
 
@@ -94,9 +97,33 @@ def test_frames_come_out_as_they_were_sent(gate):
     assert not drops
     assert (first.name, first.stamp, first.status) == ("top", 1.5, None)
     assert (second.name, second.stamp) == ("skin", 2.5)
-    assert (first.distances == IMAGE).all() and first.distances.dtype == np.uint16
-    assert (second.distances == ZONES).all() and second.distances.dtype == np.float32
+    assert (first.values == IMAGE).all() and first.values.dtype == np.uint16
+    assert (second.values == ZONES).all() and second.values.dtype == np.float32
     assert (second.status == CODES).all()
+
+
+def test_points_and_single_values_come_out_as_they_were_sent(gate):
+    sensor = Sensor()
+    points = np.random.default_rng(1).normal(size=(5000, 3)).astype(np.float32)
+    one = np.array([np.inf], dtype=np.float32)
+    sent = [
+        *sensor.parts(2, points),
+        *sensor.parts(3, one),
+        *sensor.parts(2, points[:1]),
+    ]
+    (cloud, beam, single), drops = admit(gate, sent)
+    assert not drops
+    assert (cloud.values == points).all() and (single.values == points[:1]).all()
+    assert beam.values.shape == (1,) and beam.values[0] == np.inf
+    for wrong in (
+        sensor.parts(2, np.zeros(4, dtype=np.float32)),
+        sensor.parts(2, points[:2], bytes(6)),
+        sensor.parts(2, points[:2], size=0),
+        sensor.parts(2, points[:2], size=12 * (MOST_POINTS + 1)),
+        sensor.parts(3, points[:1]),
+    ):
+        frames, drops = admit(gate, wrong)
+        assert not frames and set(drops) <= {"size", "too_short"}, wrong
 
 
 WRONG = {
@@ -112,7 +139,7 @@ WRONG = {
     "no sender": ("unknown_sender", lambda m: changed(m, 24, 5)),
     "turned bit": ("seal", lambda m: m[:-40] + bytes([m[-40] ^ 1]) + m[-39:]),
     "turned bit of the seal": ("seal", lambda m: m[:-1] + bytes([m[-1] ^ 1])),
-    "no sensor": ("sensor", lambda m: changed(m, HEADER.size, 2)),
+    "no sensor": ("sensor", lambda m: changed(m, HEADER.size, 4)),
     "another part": ("size", lambda m: changed(m, HEADER.size + 2, 3)),
     "a part beyond": ("size", lambda m: changed(m, HEADER.size + 3, 0x80)),
     "no distances": ("size", lambda m: changed(m, HEADER.size + 4, 8)),
@@ -173,7 +200,7 @@ def test_parts_of_two_frames_do_not_mix(gate):
     assert not frames
     whole = sensor.parts(data=IMAGE + 2)
     frames, _ = admit(gate, whole)
-    assert (frames[0].distances == IMAGE + 2).all()
+    assert (frames[0].values == IMAGE + 2).all()
 
 
 def test_a_sensor_belongs_to_its_sender_until_that_is_silent(gate):
@@ -226,7 +253,7 @@ def test_fuzzed_messages_have_no_effect_but_their_counts(gate):
             found, drops = admit(gate, [mutated(rng, skin)])
             dropped += bool(drops)
             # A frame that gets through has the size of one.
-            assert all(one.distances.size in (64, ROWS * COLUMNS) for one in found)
+            assert all(one.values.size in (64, ROWS * COLUMNS) for one in found)
         held = sum(len(one.data) + len(one.parts) for one in gate._assemblies)
         assert held <= 4 * (ROWS * COLUMNS + 64) and len(gate._senders) <= MOST_SENDERS
     assert dropped > 15_000

@@ -127,6 +127,27 @@ class SensorClient(Client):
         codes = b"" if status is None else status_of(status)
         return self._send_frame(name, distances_of(distance), codes, stamp)
 
+    def frame(self, name: str, values: ArrayLike, stamp: float) -> bool:
+        """Send a frame of a sensor of kind points, range, infrared or capacitive.
+
+        Args:
+            name: Name of the sensor.
+            values: Floats: points in its frame, shape (n, 3) [m]; or its distance [m];
+                or its signal, as `Sense.infrared` and `Sense.capacitive` take it.
+            stamp: Its stamp, on the service's clock [s].
+
+        Returns:
+            Whether a map is there that takes it.
+
+        Raises:
+            NoServiceError: `connect` has not succeeded yet.
+            RefusedError: The scene has no such sensor, or they are no floats.
+        """
+        kind, data = distances_of(values)
+        if kind != METRES:
+            raise RefusedError(f"values are {brief(values)}; they must be floats")
+        return self._send_frame(name, (kind, data), b"", stamp)
+
     def _send_frame(
         self, name: str, distances: tuple[int, bytes], status: bytes, stamp: float
     ) -> bool:

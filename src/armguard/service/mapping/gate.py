@@ -27,6 +27,9 @@ OLDEST, AHEAD = 1_000_000_000, 20_000_000
 # messages are too old by then [ns].
 MOST_SENDERS, FORGET = 32, 3_000_000_000
 
+# Points of a frame at most.
+MOST_POINTS = 1 << 20
+
 # A sensor whose sender is silent for longer may get another one [ns].
 SILENT = 500_000_000
 
@@ -41,14 +44,15 @@ class SentFrame(NamedTuple):
 
     Attributes:
         name: Its sensor.
-        distances: Distances, shape (rows · columns,): floats [m] or integers [mm].
+        values: Its values: of an image or of zones shape (rows · columns,), of points
+            (n, 3), of other kinds (1,); floats, or integers [mm].
         status: Status of each; None if all were measured.
         stamp: Its stamp [s].
         arrived: When its last part came in, monotonic [ns].
     """
 
     name: str
-    distances: NDArray[np.generic]
+    values: NDArray[np.generic]
     status: NDArray[np.uint8] | None
     stamp: float
     arrived: int
@@ -68,7 +72,7 @@ class Assembly:
     """The frame of a sensor of which some parts are there."""
 
     name: str
-    zones: int
+    values: int  # values of a frame; 0 for any count of points
     sender: int = 0  # whose frames count, 0 for none yet
     heard: int = 0  # when its last part came in, monotonic [ns]
     head: FramePart | None = None  # of its first part; None before a frame began
@@ -101,7 +105,7 @@ class FrameGate:
         self._session, self._scene = session, scene
         self._senders: dict[int, Sender] = {}
         self._assemblies = [
-            Assembly(name, one.zones[0] * one.zones[1]) for name, one in sensors.items()
+            Assembly(name, count_of(one)) for name, one in sensors.items()
         ]
 
     def admit(self, message: memoryview, now: int) -> SentFrame | None:
@@ -181,12 +185,11 @@ class FrameGate:
             self.drop = "second_sender"
             return None
         dtype = DTYPES.get(part.distances)
-        bytes_of_zone = 0 if dtype is None else dtype.itemsize + bool(part.has_status)
         count = ceil(part.size / FRAME_PART)
         at = part.part * FRAME_PART
         if (
             dtype is None
-            or part.size != one.zones * bytes_of_zone
+            or not fits(part, dtype, one.values)
             or part.part >= count
             or len(data) != min(FRAME_PART, part.size - at)
         ):
@@ -204,8 +207,32 @@ class FrameGate:
         if len(one.parts) < count:
             return None
         whole, one.head, one.data = bytes(one.data), None, bytearray()
-        distances = np.frombuffer(whole, dtype, one.zones)
+        if one.values == 0:
+            points = np.frombuffer(whole, dtype).reshape(-1, 3)
+            return SentFrame(one.name, points, None, part.stamp, now)
+        values = np.frombuffer(whole, dtype, one.values)
         status = None
         if part.has_status:
-            status = np.frombuffer(whole, np.uint8, offset=distances.nbytes)
-        return SentFrame(one.name, distances, status, part.stamp, now)
+            status = np.frombuffer(whole, np.uint8, offset=values.nbytes)
+        return SentFrame(one.name, values, status, part.stamp, now)
+
+
+def count_of(sensor: SceneSensor) -> int:
+    """Values of a frame of a sensor, 0 for any count of points."""
+    if sensor.form in ("image", "zones"):
+        return sensor.zones[0] * sensor.zones[1]
+    return 0 if sensor.form == "points" else 1
+
+
+def fits(part: FramePart, dtype: np.dtype[Any], values: int) -> bool:
+    """Whether the whole frame of a part has a right size.
+
+    Args:
+        part: The part.
+        dtype: Type of its values.
+        values: How many it has to have, 0 for any count of points.
+    """
+    if values:
+        return part.size == values * (dtype.itemsize + bool(part.has_status))
+    points, rest = divmod(part.size, 3 * dtype.itemsize)
+    return not part.has_status and rest == 0 and 0 < points <= MOST_POINTS

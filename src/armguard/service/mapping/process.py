@@ -16,7 +16,7 @@ from armguard.scene.scene import Scene
 from armguard.sense import Intake, Sense
 from armguard.service.client import Client
 from armguard.service.mapping.delivery import Delivery
-from armguard.service.mapping.gate import FrameGate
+from armguard.service.mapping.gate import FrameGate, count_of
 from armguard.service.mapping.joints import JointStream
 from armguard.service.mapping.receiver import FrameReceiver
 from armguard.service.server.service import region_of
@@ -238,14 +238,11 @@ def try_out(scene: Scene) -> None:
     # Far apart, positions between two of them would be uncertain, and masks large.
     for k in range(TRIED):
         sense.joints(scene.home, k * TRIED_PERIOD)
-    kinds = {one.image: (name, one) for name, one in scene.sensors.items()}
+    kinds = {one.form: (name, one) for name, one in scene.sensors.items()}
     for name, sensor in kinds.values():
-        far = np.full(sensor.zones[0] * sensor.zones[1], sensor.range[1])
+        far = np.full(count_of(sensor) or (1, 3), sensor.range[1])
         now = sensor.delay + TRIED * TRIED_PERIOD / 2.0
-        if sensor.image:
-            sense.depth(name, far, now)
-        else:
-            sense.zones(name, far, None, now)
+        sense.frame(name, far, None, now)
     sense.changes()
 
 
@@ -264,11 +261,7 @@ def take_frames(
         frame = receiver.next(newest, read)
         if frame is None:
             return
-        name, distances, status, stamp, _ = frame
-        if sense.health[name].sensor.image:
-            sense.depth(name, distances, stamp)
-        else:
-            sense.zones(name, distances, status, stamp)
+        sense.frame(frame.name, frame.values, frame.status, frame.stamp)
 
 
 def health_of(sense: Sense, receiver: FrameReceiver) -> Iterator[bytes]:

@@ -28,8 +28,8 @@ class FramePart(NamedTuple):
 
     sensor: U16  # sensor: its place in `sensors` of the WELCOME
     part: U16  # part, from 0
-    distances: U8  # its distances: 1 for f32 [m], 2 for u16 [mm]
-    has_status: U8  # 1 if a u8 for the status of each follows all distances
+    distances: U8  # its values: 1 for f32 (distances and points [m]), 2 for u16 [mm]
+    has_status: U8  # 1 if a u8 for the status of each follows all values
     reserved: U16  # 0
     number: U32  # number: rises from frame to frame of a sensor
     size: U32  # length of the whole frame [bytes]
