@@ -13,7 +13,7 @@ from enum import IntEnum
 from hashlib import blake2s
 from typing import Any, NamedTuple
 
-MAGIC, VERSION = 0x44524741, 2
+MAGIC, VERSION = 0x44524741, 3
 HEADER = struct.Struct("<IBBHQQQQq")
 SEAL = 16
 LONGEST = 8192

@@ -56,6 +56,7 @@ def watched(box):
     scene = one_sensor("capacitive", pose=at)
     scene.add_sensor(
         "top", kind="depth", size=(64, 48), focal=40, range=(0.1, 2.0), jitter=0.0,
+        period=1.0,
         pose=ag.Pose(xyz=(0.4, 0, 0.62), rpy=(np.pi, 0, 0)),
     )  # fmt: skip
     return scene, Rig(scene, boxes=[box]), ag.Sense(scene)
