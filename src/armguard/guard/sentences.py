@@ -31,7 +31,6 @@ IN_MILLISECONDS = (
     Reason.STAMP_AHEAD,
     Reason.STATE_STALE,
     Reason.CELLS_AHEAD,
-    Reason.CELLS_STALE,
 )
 
 # The action of a level, in a word. The word of `RECOVER` is that of its reason.
@@ -170,6 +169,9 @@ def input_sentence(action: str, reason: Reason, answer: Answer, subject: str) ->
         sentence = late_sentence(value, tables.period, tables.late)
     if reason in IN_MILLISECONDS:
         sentence = f"{sentence} ({value * 1e3:.1f} ms){clock_sentence(value)}"
+    if reason is Reason.CELLS_STALE:
+        # Before the first cells there is no age.
+        sentence += " and its sensors" + f" ({value:.1f} s)" * isfinite(value)
     if reason is Reason.TIME_BACKWARDS and value < 0.0:
         sentence = f"{sentence} (by {value * -1e3:.1f} ms)"
     if reason is Reason.TIME_STILL:

@@ -111,7 +111,12 @@ def test_old_cells_stop_the_arm(guard):
         if t <= 1.0:
             assert verdict.level < Level.STOP
     assert verdict.level >= Level.STOP
-    assert "older than their limit" in cycle(guard, t + PERIOD).why
+    why = cycle(guard, t + PERIOD).why
+    assert why.endswith("check the map's process and its sensors (1.2 s)")
+
+
+def test_before_the_first_cells_no_age_is_named(guard):
+    assert rested(guard, 1.0).why.endswith("check the map's process and its sensors")
 
 
 def test_cells_later_than_the_cycle_stop_the_arm(guard):
