@@ -69,7 +69,7 @@ class Knowledge:
         outside: `CellKind` of space outside the region, -1 for free space.
         used: Slots in use, of the kind that is judged.
         spent: 1 where slots or boxes did not suffice, for the kind that is judged.
-        boxes: Boxes of cells that were compared in this judgement.
+        boxes: Work on the kind that is judged, see `count_work`.
     """
 
     stamp: float
@@ -96,6 +96,10 @@ class Search:
         high: Its upper corner [m].
         look: Distance beyond which cells do not matter [m].
         need: Distance that cells have to keep at rest [m].
+        middle: Centre of the ball round the primitive, half way through a stop [m].
+        astray: Greatest way of that centre from there, along each axis [m].
+        clear: Distance beyond that way at which cells do not matter, inf where twists
+            bound no way [m].
     """
 
     primitive: int
@@ -105,6 +109,9 @@ class Search:
     high: Triple
     look: float
     need: float
+    middle: Triple
+    astray: Triple
+    clear: float
 
 
 @record
