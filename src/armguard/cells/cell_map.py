@@ -262,7 +262,8 @@ class CellMap(SettledCells):
         clear_masks(self._frame.lines)
         if kept is not None:
             words, cells = kept
-            look.shell[words], look.masked[: len(words)] = cells, words
+            look.shell[words] = look.kept[words] = cells
+            look.masked[: len(words)] = words
             notes: Any = look.notes
             notes["masked"] = len(words)
         for kind, row, error, shell in rows:

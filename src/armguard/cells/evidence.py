@@ -67,7 +67,10 @@ def settle_word(
     """
     inside, shell = look.inside[word], look.shell[word]
     hit = look.sure[word] & ~(inside | shell)
-    passed: np.uint64 = look.passes[word] & ~(shell | look.hits[word]) | inside
+    seen_past = look.passes[word] & ~look.hits[word]
+    occupied_before, unknown_before = out.occupied.words[word], out.unknown.words[word]
+    held = look.kept[word] | shell & ~unknown_before
+    passed: np.uint64 = seen_past & ~held | inside
     look.notes.hit += ones(hit)
     look.notes.passed += ones(passed)
     look.hits[word] = look.sure[word] = look.passes[word] = NONE
@@ -75,7 +78,6 @@ def settle_word(
     if looked == 0:
         return passed
     count(word, hit, passed, evidence)
-    occupied_before, unknown_before = out.occupied.words[word], out.unknown.words[word]
     occupied = evidence.twos[word] | evidence.fours[word]
     unknown = unknown_before & ~(passed | occupied)
     new = occupied & ~occupied_before
@@ -116,8 +118,10 @@ def settle(
 ) -> None:  # fmt: skip
     """Turn the hits and passes of a frame into claims, and empty the frame.
 
-    Cells inside own links are passed, for no other body is there. Cells of the shell
-    around them keep what they have: what touches a link stays.
+    Cells inside own links are passed, for no other body is there. Occupied cells of the
+    shell around them stay, and none is added: what touches a link is neither erased nor
+    taken for a foreign body. Unknown cells of the shell are passed as any other, but for
+    those that are kept.
 
     Args:
         stamp: Time of the frame [s].

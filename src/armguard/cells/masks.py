@@ -140,5 +140,6 @@ def clear_masks(look_lines: LongVector) -> None:
     """Take all cells off the masks."""
     look = look_of(look_lines)
     for k in range(look.notes.masked):
-        look.inside[look.masked[k]] = look.shell[look.masked[k]] = NONE
+        word = look.masked[k]
+        look.inside[word] = look.shell[word] = look.kept[word] = NONE
     look.notes.masked = 0

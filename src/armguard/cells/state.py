@@ -195,6 +195,7 @@ class Look(NamedTuple):
         touched: Words with a hit or a pass, shape (words,).
         inside: Cells surely inside own links, shape (words,).
         shell: Other cells that own links may touch.
+        kept: Those of `shell` that keep what they have, also if unknown.
         masked: Words with one of these, shape (words,).
         seen: Words of each block of 8³ cells that were wholly passed, shape
             (words / 8,); empty without an intruder.
@@ -210,6 +211,7 @@ class Look(NamedTuple):
     touched: IntVector
     inside: Words
     shell: Words
+    kept: Words
     masked: IntVector
     seen: ByteVector
     scratch: Vector
@@ -272,13 +274,13 @@ def empty_evidence(words: int, blocks: int) -> Evidence:
 
 def empty_look(lattice: Lattice, words: int, blocks: int) -> Look:
     """Room for a frame; see `empty_evidence`."""
-    hits, sure, passes, inside, shell = (
-        np.zeros(words, dtype=np.uint64) for _ in range(5)
+    hits, sure, passes, inside, shell, kept = (
+        np.zeros(words, dtype=np.uint64) for _ in range(6)
     )
     touched, masked = (np.zeros(words, dtype=np.int32) for _ in range(2))
     # Blocks beside the border of the cube have neighbours outside it.
     padded = 2 * (round(blocks ** (1 / 3)) + 2) ** 3 if blocks else 0
     return Look(
         lattice, records((), Camera), hits, sure, passes, touched, inside, shell,
-        masked, np.zeros(blocks, dtype=np.uint8), np.zeros(padded), records((), Notes),
+        kept, masked, np.zeros(blocks, dtype=np.uint8), np.zeros(padded), records((), Notes),
     )  # fmt: skip

@@ -48,11 +48,10 @@ GROWS = (CellKind.MOVING, CellKind.GROWING)
 
 # Slots of each kind. A slot in use has a row of the answer, and the program of a
 # robot has room for the rows of 48 near pairs.
-SLOTS = (48, 48, 48, 48)
+SLOTS = (48, 48, 96, 96)
 
-# Boxes around the cells near a primitive, one on each of its sides, where a slot for
-# each word or group would be too many.
-SIDES = 6
+# Boxes of cells near a primitive that are listed at most.
+LISTED = 2048
 
 
 @record
@@ -70,6 +69,7 @@ class Knowledge:
         used: Slots in use, of the kind that is judged.
         spent: 1 where slots or boxes did not suffice, for the kind that is judged.
         boxes: Work on the kind that is judged, see `count_work`.
+        listed: Boxes in `Sensed.listed`.
     """
 
     stamp: float
@@ -82,6 +82,7 @@ class Knowledge:
     used: int
     spent: int
     boxes: int
+    listed: int
 
 
 @record
@@ -91,7 +92,7 @@ class Search:
     Attributes:
         primitive: The primitive.
         kind: `CellKind` that is judged.
-        level: What becomes one slot, see `judge_kind`.
+        level: What becomes one slot, BY_WORD or BY_PLANE.
         low: Lower corner of the box that its cells meet if they matter, world [m].
         high: Its upper corner [m].
         look: Distance beyond which cells do not matter [m].
@@ -115,24 +116,26 @@ class Search:
 
 
 @record
-class Gathered:
-    """Cells that are to be one slot.
+class CellBox:
+    """A box around cells.
 
     Attributes:
-        count: Words that were added.
-        low: Lower corner of a box around them, world [m].
+        low: Its lower corner, world [m].
         high: Its upper corner [m].
-        stamp: Oldest of their stamps [s].
+        gap: Distance of the primitive from it, less the error of its cells [m].
+        stamp: Oldest stamp of its cells [s].
         error: Greatest of their errors [m].
         source: Sensor from which they are, see `Claims`.
+        open: 1 until the box is in a slot.
     """
 
-    count: int
     low: Triple
     high: Triple
+    gap: float
     stamp: float
     error: float
     source: int
+    open: int
 
 
 @table
@@ -155,8 +158,8 @@ class Sensed(NamedTuple):
         about: What is known of all cells together.
         query: Scratch: a primitive.
         search: Scratch: what cells near it are compared with.
-        gathered: Scratch: cells that are to be one slot, on each side of a primitive,
-            shape (6,).
+        box: Scratch: cells that are to be one slot.
+        listed: Scratch: boxes near the primitive, shape (k,).
     """
 
     claims: Annotated[Claims, TABLE]
@@ -173,7 +176,8 @@ class Sensed(NamedTuple):
     about: Knowledge
     query: Query
     search: Search
-    gathered: Annotated[Records[Gathered], 1]
+    box: CellBox
+    listed: Annotated[Records[CellBox], 1]
 
 
 def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
@@ -206,7 +210,8 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         about=knowledge_of(tables.sensing),
         query=records((), Query),
         search=records((), Search),
-        gathered=records(SIDES, Gathered),
+        box=records((), CellBox),
+        listed=records(LISTED, CellBox),
     )
 
 

@@ -4,9 +4,8 @@ For each moving primitive the summaries of the cells are descended. A group or a
 that is farther from the primitive than a stop, the errors, the age of the cells and new
 commands can matter is left out with all that is in it. Every other word becomes a box
 in a slot, and is judged as a pair of the scene is; a slot stays in use where the answer
-has a row of the pair. If the slots do not suffice, the cells of a group are judged as
-one box, then all those on one side of the primitive. The same where they are too much
-work.
+has a row of the pair. If the slots do not suffice, or it is too much work, half-spaces
+stand for the boxes.
 
 Slots are functions of the cells and of the cycle's input alone.
 """
@@ -35,17 +34,15 @@ from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import is_idle
 from armguard.guard.needs import static_need
 from armguard.guard.search_distance import pair_look, way_until_look
-from armguard.guard.sensed import SIDES, CellKind, Sensed
+from armguard.guard.sensed import CellKind, Sensed
 from armguard.guard.sensed_boxes import (
-    BY_GROUP,
-    BY_SIDE,
-    BY_WORD,
-    gather,
-    gather_word,
+    box_cells,
     is_coarse,
+    put_box,
     slab_corner,
-    slot_of_gathered,
+    slot_of_box,
 )
+from armguard.guard.sensed_planes import list_box, nearest_open, slot_of_nearest
 from armguard.guard.sensed_search import count_work, is_beyond, within, write_search
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -55,6 +52,9 @@ STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.
 KINDS = len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
+
+# What becomes one slot: the cells of a word, or what lies behind a plane.
+BY_WORD, BY_PLANE = 0, 1
 
 # Cells of the first octant of a word, the edge of an octant [cells], and their count.
 OCTANT, OCTANT_SIDE, OCTANTS = np.uint64(0x330033), 2, 8
@@ -114,7 +114,7 @@ def judge_kind(kind: int, count: int, w: Workspace) -> int:
     first, notes = count, v.judged_count[0]
     search.kind = kind
     slot = int(s.slots[kind, 0])
-    for level in (BY_WORD, BY_GROUP, BY_SIDE):
+    for level in (BY_WORD, BY_PLANE):
         search.level = level
         about.used = about.spent = about.boxes = 0
         count, v.judged_count[0] = first, notes
@@ -140,8 +140,7 @@ def judge_near(i: int, count: int, w: Workspace) -> int:
     """
     s = w.sensed
     about, search, lattice = s.about, s.search, s.claims.lattice
-    for side in range(SIDES):
-        s.gathered[side].count = 0
+    about.listed = 0
     if not write_search(i, w):
         about.spent = 1
         return count
@@ -164,7 +163,7 @@ def judge_near(i: int, count: int, w: Workspace) -> int:
                 count = judge_group((block << 6) + member, corner, count, cells, w)
                 if about.spent != 0:
                     return count
-    return judge_gathered(count, w)
+    return judge_by_planes(count, w)
 
 
 @kernel(inline=False)
@@ -181,9 +180,9 @@ def judge_group(group: int, corner: Vec3, count: int, cells: Bits, w: Workspace)
     if is_beyond(low, edge, s):
         return count
     if search.kind >= UNSEEN and is_full(group, cells):
-        g = gather(low, (low[0] + edge, low[1] + edge, low[2] + edge), w)
-        g.stamp, g.error = s.about.stamp, max(g.error, s.about.error)
-        return count if search.level == BY_SIDE else judge_gathered(count, w)
+        high = (low[0] + edge, low[1] + edge, low[2] + edge)
+        put_box(low, high, s.about.stamp, s).error = s.about.error
+        return judge_box(count, w)
     edge = WORD_SIDE * cell
     words = within(cells.groups[group], low, edge, search)
     while words != 0:
@@ -192,12 +191,10 @@ def judge_group(group: int, corner: Vec3, count: int, cells: Bits, w: Workspace)
         inner = member_corner(low, edge, member)
         if not is_beyond(inner, edge, s):
             number = (group << 6) + member
-            gather_word(number, inner, cells.words[number], w)
-            if search.level == BY_WORD:
-                count = judge_word(number, inner, cells, count, w)
+            count = judge_word(number, inner, cells, count, w)
         if s.about.spent != 0:
             return count
-    return count if search.level == BY_SIDE else judge_gathered(count, w)
+    return count
 
 
 @kernel(inline=False)
@@ -205,7 +202,7 @@ def judge_word(word: int, corner: Vec3, cells: Bits, count: int, w: Workspace) -
     """Judge the cells of a word as one box, or by octants where that box blocks.
 
     Args:
-        word: The word, which is gathered.
+        word: The word.
         corner: Its lower corner [m].
         cells: The cells of the kind that is judged.
         count: Count of rows of the answer.
@@ -215,10 +212,10 @@ def judge_word(word: int, corner: Vec3, cells: Bits, count: int, w: Workspace) -
         New count of rows.
     """
     s = w.sensed
-    g = s.gathered[0]
-    if g.count == 0 or not is_coarse(cells.words[word], g, s):
-        return judge_gathered(count, w)
-    g.count = 0
+    if not box_cells(word, corner, cells.words[word], w):
+        return count
+    if not is_coarse(cells.words[word], s):
+        return judge_box(count, w)
     edge = OCTANT_SIDE * s.claims.lattice.cell
     for k in range(OCTANTS):
         x, y, z = k & 1, k >> 1 & 1, k >> 2
@@ -226,8 +223,8 @@ def judge_word(word: int, corner: Vec3, cells: Bits, count: int, w: Workspace) -
         chosen = cells.words[word] & (OCTANT << np.uint64(place))
         low = (corner[0] + x * edge, corner[1] + y * edge, corner[2] + z * edge)
         if chosen != 0 and s.about.spent == 0 and not is_beyond(low, edge, s):
-            gather_word(word, corner, chosen, w)
-            count = judge_gathered(count, w)
+            if box_cells(word, corner, chosen, w):
+                count = judge_box(count, w)
     return count
 
 
@@ -242,33 +239,55 @@ def is_full(group: int, cells: Bits) -> bool:
     return True
 
 
-@kernel
-def judge_gathered(count: int, w: Workspace) -> int:
-    """Judge the cells that were gathered, those on each side as one box.
+@kernel(inline=False)
+def judge_box(count: int, w: Workspace) -> int:
+    """Judge the box in its slot, or in a free one; or list it, to be judged by planes.
 
     Returns:
         New count of rows.
     """
     s = w.sensed
-    for side in range(SIDES):
-        if s.gathered[side].count != 0 and s.about.spent == 0:
-            count = judge_box(side, count, w)
+    if s.search.level == BY_PLANE:
+        list_box(s)
+        return count
+    free = int(s.slots[s.search.kind, 0]) + s.about.used
+    return judge_slot(slot_of_box(free, w), free, count, w)
+
+
+@kernel(inline=False)
+def judge_by_planes(count: int, w: Workspace) -> int:
+    """Judge the listed boxes, those behind a plane as one half-space.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    nearest = nearest_open(s)
+    while nearest >= 0 and s.about.spent == 0:
+        free = int(s.slots[s.search.kind, 0]) + s.about.used
+        count = judge_slot(slot_of_nearest(nearest, free, w), free, count, w)
+        count_work(s.about.listed, s)
+        nearest = nearest_open(s)
     return count
 
 
 @kernel(inline=False)
-def judge_box(side: int, count: int, w: Workspace) -> int:
-    """Judge the cells on a side of a primitive in their slot, or in a free one.
+def judge_slot(j: int, free: int, count: int, w: Workspace) -> int:
+    """Judge the pair of the primitive and a slot.
+
+    Args:
+        j: The slot.
+        free: First slot that was not in use.
+        count: Count of rows of the answer.
+        w: The workspace.
 
     Returns:
         New count of rows.
     """
     s, v, m = w.sensed, w.watch, w.motion
-    about, search = s.about, s.search
-    i, free = search.primitive, int(s.slots[search.kind, 0]) + about.used
-    j = slot_of_gathered(s.gathered[side], free, w)
-    if j == s.slots[search.kind, 1]:
-        about.spent = 1
+    i = s.search.primitive
+    if j == s.slots[s.search.kind, 1]:
+        s.about.spent = 1
         return count
     need = static_need(i, j, w, v, m) + way_until_look(j, v, m)
     need, look, known = pair_look(i, j, need, w)
@@ -280,7 +299,7 @@ def judge_box(side: int, count: int, w: Workspace) -> int:
     before = count
     count = judge_pair(i, j, need, look, known, count, w)
     if count > before and j == free:
-        about.used += 1
+        s.about.used += 1
     return count
 
 
@@ -303,12 +322,11 @@ def judge_outside(count: int, w: Workspace) -> int:
                 inside = search.low[axis] >= first[axis]
             if inside or s.about.spent != 0:
                 continue
-            g = gather(
+            put_box(
                 slab_corner(axis, side, 0, first, last),
                 slab_corner(axis, side, 1, first, last),
-                w,
+                s.about.stamp,
+                s,
             )
-            g.stamp = s.about.stamp
-            if search.level != BY_SIDE:
-                count = judge_gathered(count, w)
+            count = judge_box(count, w)
     return count
