@@ -145,6 +145,10 @@ class Sensed(NamedTuple):
         carried: Primitives that a robot may carry, shape (k,).
         slots: First slot of each kind, and the one after its last, shape (4, 2).
         sources: Sensor from which the cells of each slot are, shape (slots,).
+        coarse: How coarsely the cells near each robot are judged, see `judge_kind`,
+            shape (robots,).
+        taken: Slots that each robot has taken, of the kind that is judged, shape
+            (robots,).
         about: What is known of all cells together.
         query: Scratch: a primitive.
         search: Scratch: what cells near it are compared with.
@@ -163,6 +167,8 @@ class Sensed(NamedTuple):
     carried: IntVector
     slots: IntMatrix
     sources: ByteVector
+    coarse: IntVector
+    taken: IntVector
     about: Knowledge
     query: Query
     search: Search
@@ -196,6 +202,8 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         carried=np.concatenate(carried).astype(np.int32),
         slots=slots,
         sources=np.zeros(sum(SLOTS), dtype=np.uint8),
+        coarse=np.zeros(len(tables.robots), dtype=np.int32),
+        taken=np.zeros(len(tables.robots), dtype=np.int32),
         about=knowledge_of(tables.sensing),
         query=records((), Query),
         search=records((), Search),

@@ -4,17 +4,15 @@ For each moving primitive the summaries of the cells are descended. A group or a
 that is farther from the primitive than a stop, the errors, the age of the cells and new
 commands can matter is left out with all that is in it. Every other word becomes a box
 in a slot, and is judged as a pair of the scene is; a slot stays in use where the answer
-has a row of the pair. If the slots do not suffice, the cells of a group are judged as
-one box, then all those on one side of the primitive.
+has a row of the pair. If the slots do not suffice, the cells of a group near the robot
+that takes most of them are judged as one box, then all those on one side of its
+primitives.
 
 Slots are functions of the cells and of the cycle's input alone.
 """
 
-from math import inf
-
 import numpy as np
 
-from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z, range_bits
 from armguard.cells.state import (
     ALL,
     BLOCK_SIDE,
@@ -29,19 +27,16 @@ from armguard.cells.words import (
     member_corner,
     place_of_block,
 )
-from armguard.geometry.cell_gap import cell_gap
-from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.change import TOO_MANY
 from armguard.guard.demands import demand_stop
 from armguard.guard.judged_pair import judge_pair
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import is_idle
-from armguard.guard.needs import static_need
-from armguard.guard.search_distance import lever_look, pair_look, way_until_look
-from armguard.guard.sensed import SIDES, CellKind, Search, Sensed
+from armguard.guard.needs import robot_of, static_need
+from armguard.guard.search_distance import pair_look, way_until_look
+from armguard.guard.sensed import SIDES, CellKind, Sensed
 from armguard.guard.sensed_boxes import (
-    BY_GROUP,
     BY_SIDE,
     BY_WORD,
     gather,
@@ -50,20 +45,23 @@ from armguard.guard.sensed_boxes import (
     slab_corner,
     slot_of_gathered,
 )
+from armguard.guard.sensed_search import (
+    cells_of,
+    has_cells,
+    is_beyond,
+    within,
+    write_search,
+)
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.lanes import lowest
 
-STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.UNSEEN)
-KINDS = len(CellKind)
+UNSEEN, KINDS = int(CellKind.UNSEEN), len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
 
 # Cells of the first octant of a word, the edge of an octant [cells], and their count.
 OCTANT, OCTANT_SIDE, OCTANTS = np.uint64(0x330033), 2, 8
-
-# Boxes of cells that one judgement compares at most, at some 30 nanoseconds each.
-MOST_BOXES = 20_000
 
 
 @kernel(separate=True, optional=True)
@@ -87,52 +85,66 @@ def judge_sensed(count: int, w: Workspace) -> int:
     return count
 
 
-@kernel
-def cells_of(kind: int, s: Sensed) -> Bits:
-    """Cells of a kind."""
-    if kind == STILL:
-        return s.still
-    if kind == MOVING:
-        return s.moving
-    return s.unseen if kind == UNSEEN else s.growing
-
-
-@kernel
-def has_cells(cells: Bits) -> bool:
-    """Whether a set of cells is not empty."""
-    for root in range(cells.roots.shape[0]):
-        if cells.roots[root] != 0:
-            return True
-    return False
-
-
 @kernel(inline=False)
 def judge_kind(kind: int, count: int, w: Workspace) -> int:
-    """Judge the cells of a kind, as coarsely as its slots require.
+    """Judge the cells of a kind, near each robot as coarsely as the slots require.
+
+    Where they do not suffice, the robot that has taken most of them is judged more
+    coarsely: cells that crowd one robot do not slow another one.
 
     Returns:
         New count of rows.
     """
     s, v = w.sensed, w.watch
-    about, search = s.about, s.search
     first, notes = count, v.judged_count[0]
-    search.kind = kind
-    slot = int(s.slots[kind, 0])
-    for level in (BY_WORD, BY_GROUP, BY_SIDE):
-        search.level = level
-        about.used = about.spent = 0
-        count, v.judged_count[0] = first, notes
-        for i in range(w.settings.moving_count):
-            checked = w.checked[w.groups[i], w.groups[slot]] != 0
-            if checked and about.spent == 0 and not is_idle(i, v.robot_of, w):
-                count = judge_near(i, count, w)
-        if about.spent == 0:
+    s.search.kind = kind
+    for r in range(s.coarse.shape[0]):
+        s.coarse[r] = BY_WORD
+    crowded = 0
+    while crowded >= 0:
+        v.judged_count[0] = notes
+        count = judge_all_near(first, w)
+        if s.about.spent == 0:
             return count
+        crowded = most_crowded(s)
+        if crowded >= 0:
+            s.coarse[crowded] += 1
     for r in range(v.must.shape[0]):
         demand_stop(r, CROWDED, v)
     w.header.reason = CROWDED
     v.judged_count[0] = TOO_MANY
     return count
+
+
+@kernel
+def judge_all_near(count: int, w: Workspace) -> int:
+    """Judge the cells near all primitives, until slots or boxes do not suffice.
+
+    Returns:
+        New count of rows.
+    """
+    s, v = w.sensed, w.watch
+    about, slot = s.about, int(s.slots[s.search.kind, 0])
+    about.used = about.spent = 0
+    s.taken[:] = 0
+    for i in range(w.settings.moving_count):
+        checked = w.checked[w.groups[i], w.groups[slot]] != 0
+        if checked and about.spent == 0 and not is_idle(i, v.robot_of, w):
+            r, used = robot_of(i, v), about.used
+            s.search.level = s.coarse[r]
+            count = judge_near(i, count, w)
+            s.taken[r] += about.used - used
+    return count
+
+
+@kernel
+def most_crowded(s: Sensed) -> int:
+    """Robot with most slots among those that can be judged more coarsely, or -1."""
+    found = -1
+    for r in range(s.coarse.shape[0]):
+        if s.coarse[r] < BY_SIDE and (found < 0 or s.taken[r] > s.taken[found]):
+            found = r
+    return found
 
 
 @kernel(inline=False)
@@ -169,72 +181,6 @@ def judge_near(i: int, count: int, w: Workspace) -> int:
                 if about.spent != 0:
                     return count
     return judge_gathered(count, w)
-
-
-@kernel
-def write_search(i: int, w: Workspace) -> bool:
-    """Write what the cells near a primitive are compared with.
-
-    Returns:
-        Whether all of it is finite.
-    """
-    s, v, m = w.sensed, w.watch, w.motion
-    about, search, query = s.about, s.search, s.query
-    slot = int(s.slots[search.kind, 0])
-    v.seen_at[slot] = about.oldest if search.kind == MOVING else about.stamp
-    need = static_need(i, slot, w, v, m) + way_until_look(slot, v, m) + about.error
-    way, look = need + 0.5 * w.settings.margin, need + v.look[i]
-    opens = w.settings.contracts != 0 and w.grips.may[w.groups[i], w.groups[slot]] != 0
-    if opens:
-        look = need + lever_look(i, v, m)
-    search.primitive, search.look = i, max(w.settings.margin, look)
-    search.need = need
-    finite = search.look < inf
-    for k in range(3):
-        if opens:
-            search.low[k] = w.world.boxes[i, k] - search.look
-            search.high[k] = w.world.boxes[i, k + 3] + search.look
-        else:
-            search.low[k] = v.swept[k, i] - way
-            search.high[k] = v.swept[k + 3, i] + way
-        finite &= search.low[k] <= search.high[k]
-    query.kind = w.world.kinds[i]
-    for c in range(ROW_WIDTH):
-        query.row[c] = w.world.rows[i, c]
-    return bool(finite)
-
-
-@kernel
-def within(members: np.uint64, corner: Vec3, edge: float, search: Search) -> np.uint64:
-    """Members of a group or block that meet the search box of a primitive.
-
-    Args:
-        members: The members.
-        corner: Lower corner of the group or block [m].
-        edge: Edge of a member [m].
-        search: The search.
-    """
-    scale = 1.0 / edge
-    low, high = search.low[0] - corner[0], search.high[0] - corner[0]
-    members &= range_bits(low * scale, high * scale, ALONG_X, 1)
-    low, high = search.low[1] - corner[1], search.high[1] - corner[1]
-    members &= range_bits(low * scale, high * scale, ALONG_Y, 4)
-    low, high = search.low[2] - corner[2], search.high[2] - corner[2]
-    return members & range_bits(low * scale, high * scale, ALONG_Z, 16)
-
-
-@kernel
-def is_beyond(low: Vec3, edge: float, s: Sensed) -> bool:
-    """Whether a cube with a lower corner is too far from the primitive to matter."""
-    s.about.boxes += 1
-    if s.about.boxes > MOST_BOXES:
-        s.about.spent = 1
-    high = (low[0] + edge, low[1] + edge, low[2] + edge)
-    query = s.query
-    gap = cell_gap(
-        query.kind, query.row, low[0], low[1], low[2], high[0], high[1], high[2]
-    )
-    return bool(gap - query.row[0] > s.search.look)
 
 
 @kernel(inline=False)

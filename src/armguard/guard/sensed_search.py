@@ -1,0 +1,106 @@
+"""What the cells near a primitive are compared with in the walk."""
+
+from math import inf
+
+import numpy as np
+
+from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z, range_bits
+from armguard.cells.state import Bits
+from armguard.geometry.cell_gap import cell_gap
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.vec3 import Vec3
+from armguard.guard.needs import static_need
+from armguard.guard.search_distance import lever_look, way_until_look
+from armguard.guard.sensed import CellKind, Search, Sensed
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+
+STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.UNSEEN)
+
+# Boxes of cells that one judgement compares at most, at some 30 nanoseconds each.
+MOST_BOXES = 20_000
+
+
+@kernel
+def cells_of(kind: int, s: Sensed) -> Bits:
+    """Cells of a kind."""
+    if kind == STILL:
+        return s.still
+    if kind == MOVING:
+        return s.moving
+    return s.unseen if kind == UNSEEN else s.growing
+
+
+@kernel
+def has_cells(cells: Bits) -> bool:
+    """Whether a set of cells is not empty."""
+    for root in range(cells.roots.shape[0]):
+        if cells.roots[root] != 0:
+            return True
+    return False
+
+
+@kernel
+def write_search(i: int, w: Workspace) -> bool:
+    """Write what the cells near a primitive are compared with.
+
+    Returns:
+        Whether all of it is finite.
+    """
+    s, v, m = w.sensed, w.watch, w.motion
+    about, search, query = s.about, s.search, s.query
+    slot = int(s.slots[search.kind, 0])
+    v.seen_at[slot] = about.oldest if search.kind == MOVING else about.stamp
+    need = static_need(i, slot, w, v, m) + way_until_look(slot, v, m) + about.error
+    way, look = need + 0.5 * w.settings.margin, need + v.look[i]
+    opens = w.settings.contracts != 0 and w.grips.may[w.groups[i], w.groups[slot]] != 0
+    if opens:
+        look = need + lever_look(i, v, m)
+    search.primitive, search.look = i, max(w.settings.margin, look)
+    search.need = need
+    finite = search.look < inf
+    for k in range(3):
+        if opens:
+            search.low[k] = w.world.boxes[i, k] - search.look
+            search.high[k] = w.world.boxes[i, k + 3] + search.look
+        else:
+            search.low[k] = v.swept[k, i] - way
+            search.high[k] = v.swept[k + 3, i] + way
+        finite &= search.low[k] <= search.high[k]
+    query.kind = w.world.kinds[i]
+    for c in range(ROW_WIDTH):
+        query.row[c] = w.world.rows[i, c]
+    return bool(finite)
+
+
+@kernel
+def within(members: np.uint64, corner: Vec3, edge: float, search: Search) -> np.uint64:
+    """Members of a group or block that meet the search box of a primitive.
+
+    Args:
+        members: The members.
+        corner: Lower corner of the group or block [m].
+        edge: Edge of a member [m].
+        search: The search.
+    """
+    scale = 1.0 / edge
+    low, high = search.low[0] - corner[0], search.high[0] - corner[0]
+    members &= range_bits(low * scale, high * scale, ALONG_X, 1)
+    low, high = search.low[1] - corner[1], search.high[1] - corner[1]
+    members &= range_bits(low * scale, high * scale, ALONG_Y, 4)
+    low, high = search.low[2] - corner[2], search.high[2] - corner[2]
+    return members & range_bits(low * scale, high * scale, ALONG_Z, 16)
+
+
+@kernel
+def is_beyond(low: Vec3, edge: float, s: Sensed) -> bool:
+    """Whether a cube with a lower corner is too far from the primitive to matter."""
+    s.about.boxes += 1
+    if s.about.boxes > MOST_BOXES:
+        s.about.spent = 1
+    high = (low[0] + edge, low[1] + edge, low[2] + edge)
+    query = s.query
+    gap = cell_gap(
+        query.kind, query.row, low[0], low[1], low[2], high[0], high[1], high[2]
+    )
+    return bool(gap - query.row[0] > s.search.look)
