@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from approach import FIGURES, PERIOD
+from armguard.cells.deltas import Delta
 from armguard.errors import SceneError
 from armguard.geometry import Box, Capsule, Pose, Sphere
 from armguard.guard import Level
@@ -19,6 +20,7 @@ from armguard.guard.watch import (
 )
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
+from armguard.record import records
 from armguard.respond import Blocked, Guard
 from armguard.respond.escape_path import POSTURES, STEPS
 from armguard.respond.evasion import LINGERS, look_for_threats
@@ -27,9 +29,11 @@ from armguard.respond.state import open_response
 from armguard.scene import Scene
 from armguard.scene.settings import ResponseSettings
 from arms import simple_arm
+from sensed import CELL, CENTRE, LOW, SIZE, changes, feed, grid
 
 SPEED = 0.3
 ARM, CART = 0.04, 0.1
+NO_CHANGES = records(0, Delta)
 
 
 def cart_guard(evade=True, behind=None):
@@ -171,6 +175,8 @@ def past(
     for k in range(int(seconds / PERIOD)):
         time = k * PERIOD
         centre = np.array(begin) + time * np.array(velocity)
+        if guard.tables.slots:
+            guard.update_cells(NO_CHANGES, time)
         if gone is None or time < gone:
             at = Pose(xyz=(*centre, 0.3))
             guard.place("cart", at, time, velocity=(*velocity, 0.0))
@@ -200,9 +206,14 @@ def links_gap(q, centre):
     return least - ARM - CART
 
 
-def tall_cart_guard(*, top_speed=0.6, crowd=0, behind=None, **response):
+def tall_cart_guard(*, top_speed=0.6, crowd=0, behind=None, cells=False, **response):
     """An arm along x that turns about z, and a tall cart that may come."""
     scene = Scene(mode="path")
+    if cells:
+        scene.set_sensing(
+            region={"centre": CENTRE, "size": SIZE}, cell=CELL, unknown="still",
+            intruder={"speed": 0.0, "size": 0.05},
+        )  # fmt: skip
     scene.add_robot(
         simple_arm(joints=2, length=0.5),
         name="arm",
@@ -271,6 +282,20 @@ def test_an_operator_who_leads_into_the_way_of_what_comes_is_not_followed():
 def test_ways_that_lead_into_something_are_not_taken(crowd):
     # Below the arm there is a wall: it has to fold upwards.
     guard = tall_cart_guard(behind=-0.15, crowd=crowd, evade_time=2.0)
+    least, rows, _ = past(guard, (0.9, 1.0), (0.0, -0.4), 2.4)
+    assert least > 0.02
+    tips = 0.5 * (np.sin(rows[:, 0]) + np.sin(rows.sum(axis=1)))
+    assert tips.min() - ARM > -0.1 + 0.005
+
+
+@pytest.mark.parametrize("occupied", [True, False])
+def test_ways_that_lead_into_cells_are_not_taken(occupied):
+    # The same wall, known by sensors alone: occupied, or never seen free.
+    guard = tall_cart_guard(cells=True, evade_time=2.0)
+    wall = grid()
+    wall[:, : round((-0.1 - LOW[1]) / CELL)] = True
+    found = (wall, grid()) if occupied else (grid(), wall)
+    feed(guard, changes(*found, 0.0), 0.0)
     least, rows, _ = past(guard, (0.9, 1.0), (0.0, -0.4), 2.4)
     assert least > 0.02
     tips = 0.5 * (np.sin(rows[:, 0]) + np.sin(rows.sum(axis=1)))

@@ -120,8 +120,8 @@ def settle(
 
     Cells inside own links are passed, for no other body is there. Occupied cells of the
     shell around them stay, and none is added: what touches a link is neither erased nor
-    taken for a foreign body. Unknown cells of the shell are passed as any other, but for
-    those that are kept.
+    taken for a foreign body. Unknown cells of the shell are passed as any other, unless
+    they are kept.
 
     Args:
         stamp: Time of the frame [s].

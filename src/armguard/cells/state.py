@@ -282,5 +282,6 @@ def empty_look(lattice: Lattice, words: int, blocks: int) -> Look:
     padded = 2 * (round(blocks ** (1 / 3)) + 2) ** 3 if blocks else 0
     return Look(
         lattice, records((), Camera), hits, sure, passes, touched, inside, shell,
-        kept, masked, np.zeros(blocks, dtype=np.uint8), np.zeros(padded), records((), Notes),
+        kept, masked, np.zeros(blocks, dtype=np.uint8), np.zeros(padded),
+        records((), Notes),
     )  # fmt: skip

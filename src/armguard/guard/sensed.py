@@ -67,8 +67,8 @@ class Knowledge:
         stale: Age from which on all robots stop [s].
         outside: `CellKind` of space outside the region, -1 for free space.
         used: Slots in use, of the kind that is judged.
-        spent: 1 where slots or boxes did not suffice, for the kind that is judged.
-        boxes: Work on the kind that is judged, see `count_work`.
+        spent: 1 where slots or work did not suffice, for the kind that is judged.
+        work: Work on the kind that is judged, see `count_work`.
         listed: Boxes in `Sensed.listed`.
     """
 
@@ -81,7 +81,7 @@ class Knowledge:
     outside: int
     used: int
     spent: int
-    boxes: int
+    work: int
     listed: int
 
 
@@ -155,6 +155,10 @@ class Sensed(NamedTuple):
         carried: Primitives that a robot may carry, shape (k,).
         slots: First slot of each kind, and the one after its last, shape (4, 2).
         sources: Sensor from which the cells of each slot are, shape (slots,).
+        coarse: How the cells near each robot are judged, see `judge_kind`, shape
+            (robots,).
+        taken: Work on the cells near each robot, of the kind that is judged, shape
+            (robots,).
         about: What is known of all cells together.
         query: Scratch: a primitive.
         search: Scratch: what cells near it are compared with.
@@ -173,6 +177,8 @@ class Sensed(NamedTuple):
     carried: IntVector
     slots: IntMatrix
     sources: ByteVector
+    coarse: IntVector
+    taken: IntVector
     about: Knowledge
     query: Query
     search: Search
@@ -207,6 +213,8 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         carried=np.concatenate(carried).astype(np.int32),
         slots=slots,
         sources=np.zeros(sum(SLOTS), dtype=np.uint8),
+        coarse=np.zeros(len(tables.robots), dtype=np.int32),
+        taken=np.zeros(len(tables.robots), dtype=np.int32),
         about=knowledge_of(tables.sensing),
         query=records((), Query),
         search=records((), Search),

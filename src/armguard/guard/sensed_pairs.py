@@ -32,7 +32,7 @@ from armguard.guard.demands import demand_stop
 from armguard.guard.judged_pair import judge_pair
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import is_idle
-from armguard.guard.needs import static_need
+from armguard.guard.needs import robot_of, static_need
 from armguard.guard.search_distance import pair_look, way_until_look
 from armguard.guard.sensed import CellKind, Sensed
 from armguard.guard.sensed_boxes import (
@@ -43,13 +43,19 @@ from armguard.guard.sensed_boxes import (
     slot_of_box,
 )
 from armguard.guard.sensed_planes import list_box, nearest_open, slot_of_nearest
-from armguard.guard.sensed_search import count_work, is_beyond, within, write_search
+from armguard.guard.sensed_search import (
+    cells_of,
+    count_work,
+    has_cells,
+    is_beyond,
+    within,
+    write_search,
+)
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.lanes import lowest
 
-STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.UNSEEN)
-KINDS = len(CellKind)
+UNSEEN, KINDS = int(CellKind.UNSEEN), len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
 
@@ -83,52 +89,66 @@ def judge_sensed(count: int, w: Workspace) -> int:
     return count
 
 
-@kernel
-def cells_of(kind: int, s: Sensed) -> Bits:
-    """Cells of a kind."""
-    if kind == STILL:
-        return s.still
-    if kind == MOVING:
-        return s.moving
-    return s.unseen if kind == UNSEEN else s.growing
-
-
-@kernel
-def has_cells(cells: Bits) -> bool:
-    """Whether a set of cells is not empty."""
-    for root in range(cells.roots.shape[0]):
-        if cells.roots[root] != 0:
-            return True
-    return False
-
-
 @kernel(inline=False)
 def judge_kind(kind: int, count: int, w: Workspace) -> int:
-    """Judge the cells of a kind, as coarsely as its slots require.
+    """Judge the cells of a kind, near each robot as coarsely as the slots require.
+
+    Where they do not suffice, half-spaces stand for the cells near the robot that has
+    taken most of them: cells that crowd one robot do not slow another one.
 
     Returns:
         New count of rows.
     """
     s, v = w.sensed, w.watch
-    about, search = s.about, s.search
     first, notes = count, v.judged_count[0]
-    search.kind = kind
-    slot = int(s.slots[kind, 0])
-    for level in (BY_WORD, BY_PLANE):
-        search.level = level
-        about.used = about.spent = about.boxes = 0
-        count, v.judged_count[0] = first, notes
-        for i in range(w.settings.moving_count):
-            checked = w.checked[w.groups[i], w.groups[slot]] != 0
-            if checked and about.spent == 0 and not is_idle(i, v.robot_of, w):
-                count = judge_near(i, count, w)
-        if about.spent == 0:
+    s.search.kind = kind
+    for r in range(s.coarse.shape[0]):
+        s.coarse[r] = BY_WORD
+    crowded = 0
+    while crowded >= 0:
+        v.judged_count[0] = notes
+        count = judge_all_near(first, w)
+        if s.about.spent == 0:
             return count
+        crowded = most_crowded(s)
+        if crowded >= 0:
+            s.coarse[crowded] = BY_PLANE
     for r in range(v.must.shape[0]):
         demand_stop(r, CROWDED, v)
     w.header.reason = CROWDED
     v.judged_count[0] = TOO_MANY
     return count
+
+
+@kernel
+def judge_all_near(count: int, w: Workspace) -> int:
+    """Judge the cells near all primitives, until slots or work do not suffice.
+
+    Returns:
+        New count of rows.
+    """
+    s, v = w.sensed, w.watch
+    about, slot = s.about, int(s.slots[s.search.kind, 0])
+    about.used = about.spent = about.work = 0
+    s.taken[:] = 0
+    for i in range(w.settings.moving_count):
+        checked = w.checked[w.groups[i], w.groups[slot]] != 0
+        if checked and about.spent == 0 and not is_idle(i, v.robot_of, w):
+            r, work = robot_of(i, v), about.work
+            s.search.level = s.coarse[r]
+            count = judge_near(i, count, w)
+            s.taken[r] += about.work - work
+    return count
+
+
+@kernel
+def most_crowded(s: Sensed) -> int:
+    """Robot with most work among those that are judged by words, or -1."""
+    found = -1
+    for r in range(s.coarse.shape[0]):
+        if s.coarse[r] == BY_WORD and (found < 0 or s.taken[r] > s.taken[found]):
+            found = r
+    return found
 
 
 @kernel(inline=False)

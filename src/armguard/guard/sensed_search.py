@@ -5,6 +5,7 @@ from math import inf, sqrt
 import numpy as np
 
 from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z, range_bits
+from armguard.cells.state import Bits
 from armguard.geometry.cell_gap import cell_gap
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3
@@ -15,11 +16,30 @@ from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.twist_bound import deviation, place_at_middle
 
-MOVING = int(CellKind.MOVING)
+STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.UNSEEN)
 
 # Most work of one judgement on one kind of cells, in boxes that are compared, at some
 # 30 nanoseconds each.
 MOST_WORK = 40_000
+
+
+@kernel
+def cells_of(kind: int, s: Sensed) -> Bits:
+    """Cells of a kind."""
+    if kind == STILL:
+        return s.still
+    if kind == MOVING:
+        return s.moving
+    return s.unseen if kind == UNSEEN else s.growing
+
+
+@kernel
+def has_cells(cells: Bits) -> bool:
+    """Whether a set of cells is not empty."""
+    for root in range(cells.roots.shape[0]):
+        if cells.roots[root] != 0:
+            return True
+    return False
 
 
 @kernel
@@ -118,8 +138,8 @@ def within(members: np.uint64, corner: Vec3, edge: float, search: Search) -> np.
 @kernel
 def count_work(boxes: int, s: Sensed) -> None:
     """Count work, in boxes that are compared, and note when it is too much."""
-    s.about.boxes += boxes
-    if s.about.boxes > MOST_WORK:
+    s.about.work += boxes
+    if s.about.work > MOST_WORK:
         s.about.spent = 1
 
 

@@ -23,6 +23,7 @@ from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, Motion
+from armguard.respond.escape_cells import meets_cells
 from armguard.respond.escape_state import Escape
 from armguard.respond.state import Response
 from armguard.robot.kinematics import forward_kinematics
@@ -285,9 +286,9 @@ def free_until(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> float:
 
 @kernel
 def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
-    """Whether the placed robot is too near to itself or to a body that is no obstacle.
+    """Whether the placed robot is too near to itself, to cells, or to another body.
 
-    Obstacles are here the approaching ones.
+    Approaching obstacles are no other bodies here.
     """
     own, other_count = e.plan.own_count, e.plan.other_count
     rows, boxes = w.world.rows, w.world.boxes
@@ -306,6 +307,8 @@ def meets_others(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> bool:
             j = int(w.candidates[c])
             if may_be_met(r, j, e, w, v) and meets(i, j, rows[j], boxes[j], e, w, v, m):
                 return True
+        if w.settings.sensed != 0 and meets_cells(i, ROOM, GRAZES, e, w):
+            return True
     return False
 
 
