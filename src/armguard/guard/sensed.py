@@ -116,6 +116,21 @@ class Search:
 
 
 @record
+class Demand:
+    """What a robot had to do before cells were judged.
+
+    Attributes:
+        must: 1 if it had to stop.
+        cause: Why, a `Reason`.
+        time_left: Least time left of its pairs [s].
+    """
+
+    must: int
+    cause: int
+    time_left: float
+
+
+@record
 class CellBox:
     """A box around cells.
 
@@ -159,6 +174,8 @@ class Sensed(NamedTuple):
             (robots,).
         taken: Work on the cells near each robot, of the kind that is judged, shape
             (robots,).
+        before: Scratch: demands before the cells of a kind are judged, shape (robots,).
+        demand: Scratch: that of a robot before a box is judged.
         about: What is known of all cells together.
         query: Scratch: a primitive.
         search: Scratch: what cells near it are compared with.
@@ -179,6 +196,8 @@ class Sensed(NamedTuple):
     sources: ByteVector
     coarse: IntVector
     taken: IntVector
+    before: Annotated[Records[Demand], 1]
+    demand: Demand
     about: Knowledge
     query: Query
     search: Search
@@ -215,6 +234,8 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         sources=np.zeros(sum(SLOTS), dtype=np.uint8),
         coarse=np.zeros(len(tables.robots), dtype=np.int32),
         taken=np.zeros(len(tables.robots), dtype=np.int32),
+        before=records(len(tables.robots), Demand),
+        demand=records((), Demand),
         about=knowledge_of(tables.sensing),
         query=records((), Query),
         search=records((), Search),

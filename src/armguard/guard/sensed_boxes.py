@@ -9,7 +9,7 @@ from armguard.geometry.cell_gap import cell_gap
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.needs import robot_of
-from armguard.guard.sensed import CellBox, CellKind, Sensed
+from armguard.guard.sensed import LISTED, CellBox, CellKind, Sensed
 from armguard.guard.sensed_words import inside_of_word
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -17,6 +17,12 @@ from armguard.lanes import ones
 
 UNSEEN = int(CellKind.UNSEEN)
 BOX = int(ShapeKind.BOX)
+
+# What becomes one slot: the cells of a word, or what lies behind a plane.
+BY_WORD, BY_PLANE = 0, 1
+
+# Listed boxes from which on no further ones are divided.
+FINE = LISTED // 2
 
 # Extent of the space outside the region [m].
 FAR = 100.0
@@ -81,18 +87,29 @@ def gap_of_box(s: Sensed) -> float:
 
 
 @kernel
-def is_coarse(cells: np.uint64, s: Sensed) -> bool:
-    """Whether a box around cells of a word blocks a robot, and is not filled by them.
-
-    Args:
-        cells: The cells.
-        s: Sensed space, with the box, and the primitive that is compared.
-    """
+def is_filled(cells: np.uint64, s: Sensed) -> bool:
+    """Whether cells fill the box around them."""
     g, edge = s.box, s.claims.lattice.cell
-    if gap_of_box(s) > s.search.need:
-        return False
-    x, y, z = g.high[0] - g.low[0], g.high[1] - g.low[1], g.high[2] - g.low[2]
-    return bool(x * y * z > (ones(cells) + 0.5) * edge * edge * edge)
+    volume = 1.0
+    for k in range(3):
+        volume *= g.high[k] - g.low[k]
+    return bool(volume <= (ones(cells) + 0.5) * edge * edge * edge)
+
+
+@kernel
+def is_coarse(s: Sensed) -> bool:
+    """Whether the box is to be divided before it is judged.
+
+    As a slot it is divided if it blocks a robot at rest, and where planes stand for
+    boxes if the primitive is nearer than the box is long.
+    """
+    g, gap = s.box, gap_of_box(s)
+    if s.search.level == BY_WORD:
+        return bool(gap <= s.search.need)
+    square = 0.0
+    for k in range(3):
+        square += (g.high[k] - g.low[k]) * (g.high[k] - g.low[k])
+    return bool(s.about.listed < FINE and (gap <= 0.0 or gap * gap < square))
 
 
 @kernel

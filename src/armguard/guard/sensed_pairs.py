@@ -34,10 +34,13 @@ from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import is_idle
 from armguard.guard.needs import robot_of, static_need
 from armguard.guard.search_distance import pair_look, way_until_look
-from armguard.guard.sensed import CellKind, Sensed
+from armguard.guard.sensed import CellKind, Demand, Sensed
 from armguard.guard.sensed_boxes import (
+    BY_PLANE,
+    BY_WORD,
     box_cells,
     is_coarse,
+    is_filled,
     put_box,
     slab_corner,
     slot_of_box,
@@ -51,6 +54,7 @@ from armguard.guard.sensed_search import (
     within,
     write_search,
 )
+from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.lanes import lowest
@@ -58,9 +62,6 @@ from armguard.lanes import lowest
 UNSEEN, KINDS = int(CellKind.UNSEEN), len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
-
-# What becomes one slot: the cells of a word, or what lies behind a plane.
-BY_WORD, BY_PLANE = 0, 1
 
 # Cells of the first octant of a word, the edge of an octant [cells], and their count.
 OCTANT, OCTANT_SIDE, OCTANTS = np.uint64(0x330033), 2, 8
@@ -104,9 +105,12 @@ def judge_kind(kind: int, count: int, w: Workspace) -> int:
     s.search.kind = kind
     for r in range(s.coarse.shape[0]):
         s.coarse[r] = BY_WORD
+        note_demand(r, s.before[r], v)
     crowded = 0
     while crowded >= 0:
         v.judged_count[0] = notes
+        for r in range(s.coarse.shape[0]):
+            restore_demand(r, s.before[r], v)
         count = judge_all_near(first, w)
         if s.about.spent == 0:
             return count
@@ -118,6 +122,18 @@ def judge_kind(kind: int, count: int, w: Workspace) -> int:
     w.header.reason = CROWDED
     v.judged_count[0] = TOO_MANY
     return count
+
+
+@kernel
+def note_demand(r: int, out: Demand, v: Watch) -> None:
+    """Note what a robot must do."""
+    out.must, out.cause, out.time_left = v.must[r], v.cause[r], v.time_left[r]
+
+
+@kernel
+def restore_demand(r: int, before: Demand, v: Watch) -> None:
+    """Take back what was demanded of a robot since `note_demand`."""
+    v.must[r], v.cause[r], v.time_left[r] = before.must, before.cause, before.time_left
 
 
 @kernel
@@ -234,8 +250,11 @@ def judge_word(word: int, corner: Vec3, cells: Bits, count: int, w: Workspace) -
     s = w.sensed
     if not box_cells(word, corner, cells.words[word], w):
         return count
-    if not is_coarse(cells.words[word], s):
+    if is_filled(cells.words[word], s):
         return judge_box(count, w)
+    found = judge_whole(count, w)
+    if found >= 0:
+        return found
     edge = OCTANT_SIDE * s.claims.lattice.cell
     for k in range(OCTANTS):
         x, y, z = k & 1, k >> 1 & 1, k >> 2
@@ -243,8 +262,42 @@ def judge_word(word: int, corner: Vec3, cells: Bits, count: int, w: Workspace) -
         chosen = cells.words[word] & (OCTANT << np.uint64(place))
         low = (corner[0] + x * edge, corner[1] + y * edge, corner[2] + z * edge)
         if chosen != 0 and s.about.spent == 0 and not is_beyond(low, edge, s):
-            if box_cells(word, corner, chosen, w):
-                count = judge_box(count, w)
+            count = judge_octant(word, corner, chosen, count, w)
+    return count
+
+
+@kernel(inline=False)
+def judge_octant(
+    word: int, corner: Vec3, chosen: np.uint64, count: int, w: Workspace
+) -> int:
+    """Judge cells of an octant as one box, or each where that box blocks.
+
+    Args:
+        word: The word.
+        corner: Its lower corner [m].
+        chosen: The cells.
+        count: Count of rows of the answer.
+        w: The workspace.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    if not box_cells(word, corner, chosen, w):
+        return count
+    if is_filled(chosen, s):
+        return judge_box(count, w)
+    found = judge_whole(count, w)
+    if found >= 0:
+        return found
+    cell = s.claims.lattice.cell
+    while chosen != 0 and s.about.spent == 0:
+        place = lowest(chosen)
+        one = bit(place)
+        chosen &= ~one
+        low = member_corner(corner, cell, place)
+        if not is_beyond(low, cell, s) and box_cells(word, corner, one, w):
+            count = judge_box(count, w)
     return count
 
 
@@ -272,6 +325,26 @@ def judge_box(count: int, w: Workspace) -> int:
         return count
     free = int(s.slots[s.search.kind, 0]) + s.about.used
     return judge_slot(slot_of_box(free, w), free, count, w)
+
+
+@kernel(inline=False)
+def judge_whole(count: int, w: Workspace) -> int:
+    """Judge the box, unless it is too coarse: as a box it is near a robot's stop.
+
+    Returns:
+        New count of rows, -1 if the box is to be divided. Nothing of it is left then.
+    """
+    s, v = w.sensed, w.watch
+    if is_coarse(s):
+        return -1
+    r, notes, used = robot_of(s.search.primitive, v), v.judged_count[0], s.about.used
+    note_demand(r, s.demand, v)
+    found = judge_box(count, w)
+    if found == count or w.near[count].headroom >= w.settings.margin:
+        return found
+    restore_demand(r, s.demand, v)
+    v.judged_count[0], s.about.used = notes, used
+    return -1
 
 
 @kernel(inline=False)

@@ -1,11 +1,10 @@
 """Half-spaces in place of many boxes of cells near a primitive.
 
 The nearest box gives a plane: that through its nearest point, across the line from the
-primitive. The half-space behind it holds all boxes that lie wholly behind the plane,
-and is as far from the primitive as the nearest of them. The nearest box that is left
-gives the next plane. So a few half-spaces stand for hundreds of boxes and are no nearer
-than these. They do not end where the boxes do: a link that is to pass the edge of a box
-may have to wait until a later cycle finds another plane.
+primitive, or a little before it. The half-space behind it holds all boxes that lie
+wholly behind the plane. The nearest box that is left gives the next plane. So a few
+half-spaces stand for hundreds of boxes. They do not end where the boxes do: a link that
+is to pass the edge of a box may have to wait until a later cycle finds another plane.
 """
 
 import numba
@@ -29,6 +28,10 @@ WITNESS_WIDTH = 10
 
 # A box nearer than this gives no plane [m].
 TOUCHES = 1e-4
+
+# How far before its box a plane may lie, as a share of the distance: else each cell
+# around a link would need its own plane.
+BEFORE = 0.25
 
 
 @kernel
@@ -85,7 +88,8 @@ def slot_of_nearest(nearest: int, free: int, w: Workspace) -> int:
     if not witness[0] - g.error > TOUCHES or free == s.slots[s.search.kind, 1]:
         return slot_of_box(free, w)
     n = (witness[7], witness[8], witness[9])
-    height = n[0] * witness[4] + n[1] * witness[5] + n[2] * witness[6]
+    before = BEFORE * (witness[0] - g.error)
+    height = n[0] * witness[4] + n[1] * witness[5] + n[2] * witness[6] - before
     for k in range(s.about.listed):
         other = s.listed[k]
         if other.open != 0 and lowest_along(n, other) >= height:
@@ -94,7 +98,7 @@ def slot_of_nearest(nearest: int, free: int, w: Workspace) -> int:
     row = w.world.rows[free]
     w.world.kinds[free] = HALF_SPACE
     for k in range(3):
-        row[1 + k], row[4 + k] = witness[4 + k], -n[k]
+        row[1 + k], row[4 + k] = witness[4 + k] - before * n[k], -n[k]
     bound_slot(free, w)
     return free
 

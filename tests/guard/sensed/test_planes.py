@@ -1,0 +1,73 @@
+"""Half-spaces in place of cells: as near as the cells, and enough in a narrow place."""
+
+import numpy as np
+import pytest
+
+from armguard.geometry.shapes import ShapeKind
+from armguard.guard import Level
+from armguard.guard.sensed import SLOTS, CellKind
+from sensed import PERIOD, changes, feed, sensed_guard
+
+CELL, SIZE = 0.025, 128
+LOW = np.array([0.0, 0.0, 0.5]) - 0.5 * SIZE * CELL
+
+# Middles of all cells [m].
+MIDDLES = LOW + CELL * (np.stack(np.indices((SIZE,) * 3), axis=-1) + 0.5)
+
+
+def distances(guard, q):
+    """Distance of each cell's middle from the nearest link at q, by brute force [m]."""
+    guard.judge_at_rest(q)
+    world, best = guard._workspace.world, np.full(MIDDLES.shape[:3], np.inf)
+    for k in range(guard.tables.moving_count):
+        row = world.rows[k]
+        way = MIDDLES - row[1:4]
+        if world.kinds[k] == ShapeKind.BOX:
+            inside = np.clip(way @ row[7:16].reshape(3, 3), -row[4:7], row[4:7])
+            nearest = inside @ row[7:16].reshape(3, 3).T
+        else:
+            u = row[4:7] - row[1:4]
+            t = np.clip(way @ u / max(u @ u, 1e-12), 0.0, 1.0)
+            nearest = t[..., None] * u
+        best = np.minimum(best, np.linalg.norm(way - nearest, axis=-1) - row[0])
+    return best
+
+
+@pytest.fixture(scope="module")
+def guard():
+    return sensed_guard(unknown="still", cell=CELL, size=SIZE)
+
+
+def judged(guard, unknown, stamp):
+    """The verdict on an arm at rest at home among unknown cells."""
+    feed(guard, changes(np.zeros_like(unknown), unknown, stamp), stamp)
+    guard.reset()
+    still = np.zeros(len(guard.home))
+    for k in range(5):
+        verdict = guard.step(guard.home, stamp + k * PERIOD, velocity=still)
+    return verdict
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+@pytest.mark.parametrize(("clear", "stops"), [(0.024, False), (0.003, True)])
+def test_an_arm_in_a_narrow_hole_of_unknown_space(guard, share, clear, stops):
+    apart = distances(guard, guard.home)
+    # Cells whose every point is farther than this from all links.
+    far = apart - 0.5 * np.sqrt(3.0) * CELL > clear
+    far &= np.random.default_rng(4).random(far.shape) < share
+    start = float(guard._sensed.table.about.stamp)
+    verdict = judged(guard, far, 0.0 if start == -np.inf else start + 1.0)
+    near = [pair for pair in verdict.near if "not known free" in pair.b]
+    assert share < 1.0 or guard._sensed.table.coarse.max() == 1
+    assert 0 < len(near) <= SLOTS[CellKind.UNSEEN]
+    least = min(pair.distance for pair in near)
+    # A plane may lie before its cells by a quarter of the distance, and not behind.
+    assert 0.75 * clear <= least <= apart[far].min() - 0.5 * CELL
+    assert (verdict.level >= Level.STOP) == stops, verdict.why
+
+
+def test_space_farther_than_the_margin_is_not_near(guard):
+    far = distances(guard, guard.home) - 0.5 * np.sqrt(3.0) * CELL > 0.05
+    start = float(guard._sensed.table.about.stamp)
+    verdict = judged(guard, far, 0.0 if start == -np.inf else start + 1.0)
+    assert verdict.level == Level.CLEAR, verdict.why
