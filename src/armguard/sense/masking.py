@@ -89,7 +89,9 @@ class Masks:
         moving = np.arange(len(depth)) < tables.moving_count
         chosen = np.flatnonzero(moving & (seen | all_links))
         rows = self._rows(chosen, placed, slack)
-        self._cells.mask(rows, self._kept[sensor.name])
+        # What is farther is not touched by the frame. To withdraw others is.
+        span = np.inf if all_links else view.span + 2.0 * self._cells.cell
+        self._cells.mask(rows, self._kept[sensor.name], mount.origin, span)
 
     def _keep(self, name: str, moves: bool, placed: Placed, slack: Floats) -> None:
         """Mask the static objects once for a sensor.

@@ -62,12 +62,12 @@ def mount_of(sensor: SceneSensor, world: World, placed: Placed) -> Mount:
         return Mount(T[:3, :3], T[:3, 3], 0.0, 0.0)
     frame = world.tables.links[sensor.on]
     in_body = frame.T_body_link @ T
-    body = np.array([frame.body], dtype=np.int32)
     T = np.eye(4)
-    T[:3] = placed.T_world[frame.body].reshape(3, 4)
+    T[:3] = placed.T[0, frame.body].reshape(3, 4)
     T = T @ in_body
-    shift = world.shift(placed, body, in_body[None, :3, 3], np.zeros(1))
-    return Mount(T[:3, :3], T[:3, 3], float(shift[0]), world.turn(placed, frame.body))
+    point = np.append(in_body[:3, 3], 0.0)[None]
+    shift = world.spread(placed, np.array([frame.body], dtype=np.int32), point)[0, 4]
+    return Mount(T[:3, :3], T[:3, 3], float(shift), world.turn(placed, frame.body))
 
 
 def predict(view: View, mount: Mount, placed: Placed, world: World) -> Prediction:
@@ -83,15 +83,8 @@ def predict(view: View, mount: Mount, placed: Placed, world: World) -> Predictio
     ways = view.ways.reshape(-1, 3)
     out = np.zeros((len(ways), 2))
     reach = 2.0 * view.sensor.range[1]
-    cast(
-        mount.origin,
-        ways @ mount.R.T,
-        world.kinds,
-        placed.rows,
-        placed.balls,
-        reach,
-        out,
-    )
+    kinds, rows, balls = world.kinds, placed.rows, placed.balls
+    cast(mount.origin, ways @ mount.R.T, kinds, rows, balls, reach, out)
     depth = (out[:, 0] * ways[:, 2]).reshape(zones, rays)
     which = out[:, 1].reshape(zones, rays).astype(np.int32)
     same = (which == which[:, :1]).all(axis=1)
@@ -128,12 +121,12 @@ def explained(
         boxes, kinds, placed.rows, placed.balls,
         slack[:, None] + placed.shifts, found,
     )  # fmt: skip
-    shape = frame.depth.shape
-    near = -about(-prediction.near.reshape(shape))[chosen]
-    far = about(prediction.far.reshape(shape))[chosen]
+    parts = np.stack([-prediction.near, prediction.far, prediction.overreach])
+    near, far, overreach = about(parts.reshape(3, *frame.depth.shape))[:, chosen]
+    near = -near
     merged = np.minimum(far + slack, near + view.sensor.merge)
     # A surface may end before the primitive that encloses it.
-    over = about(prediction.overreach.reshape(shape))[chosen] > OVERREACH
+    over = overreach > OVERREACH
     merged = np.where(over, near + view.sensor.merge, merged)
     edge = (over | (far > near + slack)) & (near - slack <= depth) & (depth <= merged)
     out = np.zeros(frame.depth.shape, dtype=np.bool_)
@@ -142,7 +135,9 @@ def explained(
 
 
 def about(values: Floats) -> Floats:
-    """The greatest value of each zone and those beside it, shape (rows, columns)."""
-    wide = np.pad(values, 1, constant_values=-np.inf)
-    windows = np.lib.stride_tricks.sliding_window_view(wide, (3, 3))
-    return np.asarray(windows.max(axis=(2, 3)))
+    """The greatest value of each zone and those beside it, shape (n, rows, columns)."""
+    wide = np.pad(values, ((0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
+    rows = np.maximum(np.maximum(wide[:, :-2], wide[:, 1:-1]), wide[:, 2:])
+    return np.asarray(
+        np.maximum(np.maximum(rows[..., :-2], rows[..., 1:-1]), rows[..., 2:])
+    )

@@ -1,14 +1,19 @@
 """The view of a sensor: its zones in space, and how far it surely sees."""
 
 from math import atan2, cos, inf, pi, sqrt, tan
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.scene.sensors import PARTS, SceneSensor
 from armguard.sense.frames import Frame
+from armguard.sense.reading import split_depths
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 # Standard deviations of the noise that are taken for its greatest.
@@ -37,6 +42,8 @@ class View:
         cone: Which zones are in the view, shape (rows, columns): all but the parts of
             a beam outside its cone.
         reach: Depth up to which the sensor surely sees what has the least size [m].
+        span: Distance beyond which its frames neither hit nor free, infinite for points
+            [m].
         places: Rows and columns of the zones that are predicted, each of shape (z,).
         ways: Unit vectors of the rays of these, in the sensor, shape (z, rays, 3).
 
@@ -57,6 +64,11 @@ class View:
         if sensor.narrow or sensor.form == "capacitive":
             self.cone = self._corners(-0.5) < tan(0.5 * sensor.view[0])
         self.reach = min(sure_reach(sensor, size, cell), sensor.range[1])
+        widest = float(self._corners(0.5).max()) if sensor.form != "points" else inf
+        self.span = self.reach * sqrt(1.0 + widest * widest)
+        a, b, c = sensor.noise if sensor.form != "infrared" else (0.0, 0.0, 0.0)
+        deepest = 2.0 * sensor.range[1]
+        self._noise = np.array([sensor.error, SIGMAS, a, b, c, deepest])
         picked = (
             np.unique(np.linspace(0, n - 1, min(n, LOOKS)).round().astype(np.int64))
             if sensor.image
@@ -128,23 +140,40 @@ class View:
         rows[:, 7:16] = R.reshape(9)
         return rows, chosen
 
-    def clearable(self, depth: Floats, cell: float) -> Bools:
-        """Which depths are so near that a later frame can free their cells again."""
-        return np.asarray(depth + self.slack(depth) + 2.0 * cell <= self.reach)
+    def predicted(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
+        """Values of the predicted zones, of those of all zones, shape (z,)."""
+        if self.ways.shape[0] == values.size:
+            return values.reshape(-1)
+        return values[self.places]
 
-    def through(self, frame: Frame) -> Floats:
-        """Depths up to which the zones of a frame are looked through, NaN if unknown.
+    def split(self, frame: Frame, cell: float) -> tuple[Singles, Singles]:
+        """Depths of a frame that hit, and those up to which zones are looked through.
 
-        They are less than the measured ones by the error and the noise.
+        One hits if it is so near that a later frame can free its cells again. What is
+        looked through is less than what was measured, by the error and the noise.
+
+        Args:
+            frame: The frame.
+            cell: Edge of a cell [m].
+
+        Returns:
+            Both of shape (rows, columns), NaN for none [m].
         """
+        out = np.empty((2, *frame.depth.shape), dtype=np.float32)
+        split_depths(
+            frame.depth.reshape(-1), frame.firm.reshape(-1), frame.nothing.reshape(-1),
+            self._noise, 2.0 * cell, self.reach, out.reshape(2, -1),
+        )  # fmt: skip
+        hits, through = out
         if frame.surely is not None:
-            return frame.surely
-        depth = np.where(frame.firm, frame.depth, np.nan)
-        depth = np.maximum(depth - self.slack(depth), 0.0)
-        depth[frame.nothing] = 2.0 * self.sensor.range[1]
-        return depth
+            through[:] = frame.surely
+        return hits, through
 
-    def freeing(self, depth: Floats) -> Floats:
+    def through(self, frame: Frame) -> Singles:
+        """Depths up to which the zones of a frame are looked through, see `split`."""
+        return self.split(frame, 0.0)[1]
+
+    def freeing(self, depth: Singles) -> Singles:
         """Depths up to which space is surely free, NaN where it is not.
 
         A zone is not seen to be filled by an object that fills less of it than its
@@ -162,11 +191,13 @@ class View:
             depth = np.where(self._corners(0.5) <= inner, depth, np.nan)
             # A cell is compared with several pixels on each side of it.
             return depth.repeat(FINER, axis=0).repeat(FINER, axis=1)
-        halves = np.pad(
-            depth.repeat(2, axis=0).repeat(2, axis=1), 1, constant_values=np.nan
-        )
-        windows = np.lib.stride_tricks.sliding_window_view(halves, (3, 3))
-        return np.asarray(windows.min(axis=(2, 3)))
+        rows, columns = depth.shape
+        halves = np.full((2 * rows + 2, 2 * columns + 2), np.nan, dtype=depth.dtype)
+        for i in (1, 2):
+            for j in (1, 2):
+                halves[i : i + 2 * rows : 2, j : j + 2 * columns : 2] = depth
+        tall = np.minimum(np.minimum(halves[:-2], halves[1:-1]), halves[2:])
+        return np.minimum(np.minimum(tall[:, :-2], tall[:, 1:-1]), tall[:, 2:])
 
 
 def sure_reach(sensor: SceneSensor, size: float, cell: float = inf) -> float:
