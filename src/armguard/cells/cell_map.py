@@ -244,8 +244,7 @@ class CellMap(SettledCells):
 
     def mask(
         self, rows: Iterable[tuple[int, Floats, float, float]],
-        kept: tuple[IntVector, Words] | None = None, middle: ArrayLike = (0, 0, 0),
-        reach: float = inf,
+        kept: tuple[IntVector, Words] | None = None,
     ) -> None:  # fmt: skip
         """Set own links by rows, see `own`, and cells that keep what they have.
 
@@ -257,25 +256,41 @@ class CellMap(SettledCells):
                 how far outside it [m].
             kept: Result of `masked` of a map of the same place and size: no cell of it
                 is hit or passed.
-            middle: Where the sensor of the next frame is, world, shape (3,) [m].
-            reach: Distance from there beyond which no cell of `kept` matters [m].
+        """
+        found = list(rows)
+        self.mask_near(
+            np.array([kind for kind, *_ in found], dtype=np.int32),
+            np.array([row for _, row, *_ in found]).reshape(-1, 16),
+            np.array([slacks for _, _, *slacks in found]).reshape(-1, 2), kept,
+        )  # fmt: skip
+
+    def mask_near(
+        self, kinds: IntVector, rows: Floats, slacks: Floats,
+        kept: tuple[IntVector, Words] | None, middle: ArrayLike = (0, 0, 0),
+        reach: float = inf,
+    ) -> None:  # fmt: skip
+        """As `mask`, for a frame that touches no word farther from a sensor.
+
+        Args:
+            kinds: ShapeKind of each shape, shape (n,).
+            rows: Their rows in the world, shape (n, 16).
+            slacks: How far the surface of each may be within and outside it, shape
+                (n, 2) [m].
+            kept: See `mask`.
+            middle: Where the sensor is, world, shape (3,) [m].
+            reach: Distance from there beyond which `kept` is left out [m].
         """
         lines = self._frame.lines
         clear_masks(lines)
         if kept is not None:
             mask_kept(*kept, np.asarray(middle, dtype=np.float64), float(reach), lines)
-        if found := list(rows):
-            kinds, shapes, inner, outer = zip(*found, strict=True)
-            mask_shapes(
-                np.array(kinds, dtype=np.int32), np.array(shapes),
-                np.array([inner, outer]).T.copy(), lines,
-            )  # fmt: skip
+        mask_shapes(kinds, rows, slacks, lines)
 
     def masked(self) -> tuple[IntVector, Words]:
-        """Words with cells of own links, and these cells."""
+        """Words with cells of own links, in rising order, and these cells."""
         look = self._look
         notes: Any = look.notes
-        words = look.masked[: int(notes["masked"])].copy()
+        words = np.sort(look.masked[: int(notes["masked"])])
         return words, look.inside[words] | look.shell[words]
 
     def own_cells(self) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:

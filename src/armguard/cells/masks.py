@@ -273,7 +273,7 @@ def mask_kept(
     """Add cells near to a point to the shell, in masks without any.
 
     Args:
-        words: Words of the cells, shape (n,).
+        words: Words of the cells; fastest if they rise, shape (n,).
         cells: The cells of each, shape (n,).
         middle: The point, world, shape (3,) [m].
         reach: Distance up to which words are needed [m].

@@ -102,7 +102,8 @@ class Alignment:
         """
         depth = self._view.predicted(frame.depth)
         near, far = (
-            np.where(prediction.primitive >= 0, part, 0.0) for part in prediction[:2]
+            np.where(prediction.primitive >= 0, part, 0.0)
+            for part in (prediction.near, prediction.far)
         )
         known = (near > 0.0) & (far - near < CAPTURE) & self._view.predicted(frame.firm)
         # What encloses a surface with more room than that shows no offset.
@@ -170,11 +171,11 @@ class Alignment:
     def _linearised(self, R: Floats, shift: Floats, out: Floats) -> None:
         """Residuals of all points, and their derivatives, see `linearise`."""
         # A frame has some tens of points, so one call for each is little.
-        first = 0
+        first, offset = 0, np.vstack([R, shift])
         for look in self._looks:
             last = first + len(look.points)
             linearise(
-                look.points, np.vstack([R, shift]), look.mount.R, look.mount.origin,
+                look.points, offset, look.mount.R, look.mount.origin,
                 self._kinds, look.placed.rows, look.placed.balls, out[first:last],
             )  # fmt: skip
             first = last

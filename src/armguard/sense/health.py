@@ -2,6 +2,7 @@
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,6 +169,23 @@ class SensorHealth:
         self.heal(now)
 
 
+class Near(NamedTuple):
+    """Near foreign distances of a frame.
+
+    Attributes:
+        taken: When they were measured [s].
+        depth: The distance of each predicted zone; infinite where it is another one,
+            NaN where there is none, shape (z,) [m].
+        zones: Zones with a near one.
+        mount: Where the sensor was.
+    """
+
+    taken: float
+    depth: Floats
+    zones: int
+    mount: Mount
+
+
 class FrameTests:
     """Tests of the frames of a sensor, beside each other and beside the prediction.
 
@@ -182,7 +200,7 @@ class FrameTests:
         zones = len(view.places[0])
         self._values, self._run = np.full(zones, np.nan), np.zeros(zones, np.int64)
         self._least, self._most = np.full(zones, np.inf), np.full(zones, -np.inf)
-        self._window: deque[tuple[float, Floats, Mount]] = deque()
+        self._window: deque[Near] = deque()
 
     def repeats(self, values: Floats, now: float) -> bool:
         """Whether a frame has the values of the one before; twice is a fault."""
@@ -269,24 +287,26 @@ class FrameTests:
         self, depth: Floats, foreign: Bools, mount: Mount, now: float
     ) -> None:
         nearer = foreign & (depth < DIRTY_NEAR)
-        invalid = np.isnan(depth)
-        other = np.where(invalid, np.nan, np.inf)
-        self._window.append((now, np.where(nearer, depth, other), mount))
-        while now - self._window[0][0] > DIRTY_TIME:
+        other = np.where(np.isnan(depth), np.nan, np.inf)
+        near = Near(now, np.where(nearer, depth, other), int(nearer.sum()), mount)
+        self._window.append(near)
+        while now - self._window[0].taken > DIRTY_TIME:
             self._window.popleft()
-        first = self._window[0]
-        way = float(np.linalg.norm(mount.origin - first[2].origin))
-        turn = float(np.linalg.norm(mount.R - first[2].R))
-        still = way < DIRTY_WAY and turn < DIRTY_TURN
-        few = (nearer | invalid).sum() < DIRTY_ZONES
-        if len(self._window) < DIRTY_FRAMES or still or few:
+        # Each zone that is dirty is near in most frames.
+        least = DIRTY_ZONES * LEAST_VALID * len(self._window)
+        few = sum(one.zones for one in self._window) <= least
+        if few or len(self._window) < DIRTY_FRAMES:
+            return
+        first = self._window[0].mount
+        way = float(np.linalg.norm(mount.origin - first.origin))
+        turn = float(np.linalg.norm(mount.R - first.R))
+        if way < DIRTY_WAY and turn < DIRTY_TURN:
             return
         slack = self._view.slack(np.nan_to_num(depth))
-        seen = np.array([one for _, one, _ in self._window])
+        seen = np.array([one.depth for one in self._window])
         valid = np.isfinite(seen).mean(axis=0) > LEAST_VALID
-        low = np.nan_to_num(seen, nan=np.inf).min(axis=0)
-        high = np.nan_to_num(seen, nan=0.0, posinf=np.inf).max(axis=0)
-        dirty = valid & (high < DIRTY_NEAR) & (high - low < slack)
+        low, high = np.fmin.reduce(seen), np.fmax.reduce(seen)
+        dirty = valid & (high < DIRTY_NEAR) & (high < low + slack)
         if dirty.sum() >= DIRTY_ZONES:
             self._health.sign(Fault.DIRTY, now, zones_in_words(dirty))
 

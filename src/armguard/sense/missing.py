@@ -49,9 +49,8 @@ class MissingObjects:
             view.predicted(frame.nothing), np.inf, view.predicted(frame.depth)
         )
         within = prediction.far < 0.8 * view.sensor.range[1]
-        number = np.where(
-            prediction.primitive >= 0, self._number[prediction.primitive], -1
-        )
+        primitive = prediction.primitive
+        number = np.where(primitive >= 0, self._number[primitive], -1)
         chosen = (number >= 0) & within & ~np.isnan(depth)
         if not chosen.any():
             return

@@ -1,4 +1,4 @@
-"""Kernels about rays, points and zones beside the primitives of a scene."""
+"""Kernels about rays and points beside the primitives of a scene."""
 
 from math import inf, sqrt
 
@@ -17,7 +17,7 @@ from armguard.kernel import kernel
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
-BOX, SPHERE = int(ShapeKind.BOX), int(ShapeKind.SPHERE)
+SPHERE = int(ShapeKind.SPHERE)
 
 # A ray that comes this near to a surface is at it [m].
 AT_SURFACE = 1e-3
@@ -201,32 +201,29 @@ def cast(
 
 
 @kernel(inline=False, entry=True)
-def touching(
-    boxes: Floats, kinds: Ints, rows: Floats, balls: Floats, slack: Floats, out: Ints
+def over_zones(
+    found: Floats, along_axis: Floats, errors: Floats, rays: int, out: Floats
 ) -> None:
-    """The first primitive that each of some boxes comes near to.
+    """Depths of zones by those of their rays.
 
     Args:
-        boxes: Rows of the boxes, shape (n, 16).
-        kinds: ShapeKind of each primitive, shape (p,).
-        rows: Their rows, shape (p, 16).
-        balls: Middle and radius of a ball about each, shape (p, 4) [m].
-        slack: How near to each, shape (n, p) [m].
-        out: The primitives, -1 for none, overwritten, shape (n,).
+        found: Result of `cast`, for the rays zone by zone, shape (z · rays, 2).
+        along_axis: Depth at distance 1 along each ray, shape (z · rays,).
+        errors: How far each primitive may reach beyond its surface, shape (p,) [m].
+        rays: Rays of a zone.
+        out: See `Prediction`, overwritten, shape (z, 4).
     """
-    found = numba.carray(stack(10), (10,), np.float64)
-    for n in range(boxes.shape[0]):
-        out[n] = -1
-        middle = (boxes[n, 1], boxes[n, 2], boxes[n, 3])
-        radius = norm((boxes[n, 4], boxes[n, 5], boxes[n, 6])) + boxes[n, 0]
-        for i in range(kinds.shape[0]):
-            apart = norm(sub((balls[i, 0], balls[i, 1], balls[i, 2]), middle))
-            if apart > radius + balls[i, 3] + slack[n, i]:
-                continue
-            measure(BOX, boxes[n], kinds[i], rows[i], found)
-            if found[0] <= slack[n, i]:
-                out[n] = i
-                break
+    for z in range(out.shape[0]):
+        near, far, error, first = inf, -inf, 0.0, found[z * rays, 1]
+        same = True
+        for n in range(z * rays, (z + 1) * rays):
+            depth, which = found[n, 0] * along_axis[n], int(found[n, 1])
+            near, far = min(near, depth), max(far, depth)
+            same &= found[n, 1] == first
+            if which >= 0:
+                error = max(error, errors[which])
+        out[z, 0], out[z, 1] = near, far
+        out[z, 2], out[z, 3] = first if same else -1.0, error
 
 
 @kernel(inline=False, entry=True)

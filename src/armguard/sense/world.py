@@ -32,15 +32,19 @@ class Placed(NamedTuple):
             shape (3, b, 12).
         error: How far off each joint position may be, shape (n,) [rad or m].
         rows: Rows of the primitives in the world, shape (p, 16).
-        balls: Middle and radius of a ball about each, shape (p, 4) [m].
-        shifts: How far each may be from there, shape (p,) [m].
+        balls: Middle and radius of a ball about each, and how far each primitive may be
+            from its place, shape (p, 5) [m].
     """
 
     T: Floats
     error: Floats
     rows: Floats
     balls: Floats
-    shifts: Floats
+
+    @property
+    def shifts(self) -> Floats:
+        """How far each primitive may be from its place, shape (p,) [m]."""
+        return self.balls[:, 4]
 
 
 class World:
@@ -142,12 +146,11 @@ class World:
         self._local[: self._moving] = self.tables.local_rows[: self._moving]
         rows = np.empty_like(self._local)
         place_rows(self.kinds, self._bodies, self._local, T[0], rows)
-        balls, shifts = self._balls.copy(), np.zeros(len(rows))
-        placed = Placed(T, error, rows, balls, shifts)
-        found = self.spread(
-            placed, self._bodies[: self._moving], self._balls[: self._moving]
-        )
-        balls[: self._moving], shifts[: self._moving] = found[:, :4], found[:, 4]
+        balls = np.zeros((len(rows), 5))
+        placed = Placed(T, error, rows, balls)
+        moving = slice(0, self._moving)
+        balls[:, :4] = self._balls
+        balls[moving] = self.spread(placed, self._bodies[moving], self._balls[moving])
         return placed
 
     def poses(self, q: Floats) -> Floats:
