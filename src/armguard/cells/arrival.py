@@ -12,8 +12,14 @@ from math import inf, sqrt
 from armguard.cells.carve import look_of
 from armguard.cells.deltas import push
 from armguard.cells.evidence import claims_of, evidence_of
-from armguard.cells.state import ARRIVAL_SIDE, WORD_SIDE, Evidence, Look
-from armguard.cells.words import place_of_word, put_word
+from armguard.cells.state import (
+    ARRIVAL_SIDE,
+    EVERY_MEMBER,
+    WORD_SIDE,
+    Evidence,
+    Look,
+)
+from armguard.cells.words import member_of_group, place_of_word, put_word
 from armguard.kernel import kernel
 from armguard.table import LongVector, Vector
 
@@ -22,8 +28,8 @@ from armguard.table import LongVector, Vector
 LONGER = sqrt(1.0 + (sqrt(2.0) - 1.0) ** 2 + (sqrt(3.0) - sqrt(2.0)) ** 2)
 FACE, EDGE, CORNER = 1.0 / LONGER, sqrt(2.0) / LONGER, sqrt(3.0) / LONGER
 
-# Words of a block.
-FULL = 8
+# Words of a block, and along an edge of it.
+FULL, HALF = 8, ARRIVAL_SIDE // WORD_SIDE
 
 Box = tuple[int, int, int, int, int, int]
 
@@ -35,14 +41,20 @@ def box_of_seen(side: int, seen: Look) -> Box:
     Its lower corner may be -1, beside the cube; its sizes are 0 if no block was seen.
     """
     x0, y0, z0, x1, y1, z1 = side, side, side, -1, -1, -1
-    at = 0
     for z in range(side):
         for y in range(side):
+            first = (z * side + y) * side
+            row = seen.seen[first : first + side]
+            # Without a branch for a block the compiler compares many at a time.
+            some = False
             for x in range(side):
-                if seen.seen[at] == FULL:
-                    x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
-                    x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
-                at += 1
+                some |= row[x] == FULL
+            if not some:
+                continue
+            y0, z0, y1, z1 = min(y0, y), min(z0, z), max(y1, y), max(z1, z)
+            for x in range(side):
+                if row[x] == FULL:
+                    x0, x1 = min(x0, x), max(x1, x)
     if x1 < 0:
         return 0, 0, 0, 0, 0, 0
     return x0 - 1, y0 - 1, z0 - 1, x1 - x0 + 3, y1 - y0 + 3, z1 - z0 + 3
@@ -185,25 +197,49 @@ def raise_arrivals(
     look.seen[:] = 0
 
 
+@kernel
+def reached_members(group: int, stamp: float, look: Look, evidence: Evidence) -> int:
+    """Cubes of 8³ cells of a group into which an intruder may have come by a time.
+
+    Bit k is set for member k. Those without known free cells may be left out.
+    """
+    side, blocks = look.lattice.side // ARRIVAL_SIDE, look.lattice.blocks
+    x, y, z = place_of_word(group << 6, blocks)
+    first = ((z // HALF) * side + y // HALF) * side + x // HALF
+    reached = 0
+    for k in range(8):
+        block = first + ((k >> 2) * side + (k >> 1 & 1)) * side + (k & 1)
+        if evidence.arrival[block] <= stamp:
+            reached |= 1 << k
+    return int(reached & look.opened[group])
+
+
 @kernel(inline=False, entry=True)
 def expire_words(
-    stamp: float, evidence_lines: LongVector, claims_lines: LongVector
-) -> None:
+    stamp: float, look_lines: LongVector, evidence_lines: LongVector,
+    claims_lines: LongVector,
+) -> None:  # fmt: skip
     """Turn known free cells into unknown ones where an intruder may be by now.
 
     Args:
         stamp: The time [s].
+        look_lines: Lines of `Look`: where known free cells may be.
         evidence_lines: Lines of `Evidence`: arrival times; words that change wait to be
             sent.
         claims_lines: Lines of `Claims`.
     """
-    evidence, claims = evidence_of(evidence_lines), claims_of(claims_lines)
-    side = claims.lattice.side // ARRIVAL_SIDE
-    half = ARRIVAL_SIDE // WORD_SIDE
-    for word in range(claims.stamp.shape[0]):
-        x, y, z = place_of_word(word, claims.lattice.blocks)
-        block = ((z // half) * side + y // half) * side + x // half
-        unknown = ~claims.occupied.words[word]
-        if evidence.arrival[block] <= stamp and claims.unknown.words[word] != unknown:
-            put_word(word, unknown, claims.unknown)
-            push(word, False, evidence)
+    look, evidence = look_of(look_lines), evidence_of(evidence_lines)
+    claims = claims_of(claims_lines)
+    for group in range(look.opened.shape[0]):
+        if look.opened[group] == 0:
+            continue
+        reached = reached_members(group, stamp, look, evidence)
+        if reached == 0:
+            continue
+        look.opened[group] &= EVERY_MEMBER & ~reached
+        for word in range(group << 6, (group + 1) << 6):
+            unknown = ~claims.occupied.words[word]
+            member = 1 << member_of_group(word)
+            if reached & member != 0 and claims.unknown.words[word] != unknown:
+                put_word(word, unknown, claims.unknown)
+                push(word, False, evidence)

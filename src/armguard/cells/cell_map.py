@@ -21,7 +21,7 @@ from armguard.cells.given import (
     reaches_of,
 )
 from armguard.cells.hits import hit_pixels
-from armguard.cells.masks import clear_masks, mask_shape
+from armguard.cells.masks import clear_masks, mask_kept, mask_shapes
 from armguard.cells.octomap_words import tree_words
 from armguard.cells.pyramid import Pyramid, empty_pyramid, fill_pyramid
 from armguard.cells.rays import cast_rays
@@ -132,16 +132,15 @@ class CellMap(SettledCells):
         scale = np.array(free.shape[::-1]) / np.array(depths.shape[::-1])
         camera["focal"] = scale * focals
         camera["centre"] = scale * (np.array(middle) + 0.5) - 0.5
-        pyramid = self._room_for(free.shape)
+        pyramid, lines = self._room_for(free.shape), self._frame.lines
         fill_pyramid(free.reshape(-1), pyramid.lines)
-        carve(pyramid.lines, self._frame.lines)
-        if freeing is not None:
-            camera["focal"], camera["centre"] = focals, middle
-            pyramid = self._room_for(depths.shape)
-            fill_pyramid(depths.reshape(-1), pyramid.lines)
-        hit_pixels(single, pyramid.lines, self._frame.lines)
+        carve(pyramid.lines, lines)
+        camera["focal"], camera["centre"] = focals, middle
+        pyramid = self._room_for(depths.shape)
+        hit_pixels(depths.reshape(-1), single, pyramid.lines, lines)
         if clearing is not None:
-            pass_occupied(depths_of(clearing), self.claims, self._look)
+            past = depths_of(clearing)
+            pass_occupied(len(past), past.reshape(-1), self._claims.lines, lines)
         self._settle(stamp, error, source)
 
     def zones(
@@ -212,7 +211,7 @@ class CellMap(SettledCells):
         if clearing is not None:
             ways = reaches_of("clearing", clearing, len(rows))
             cast_rays(rows, start, ways, self._frame.lines)
-            pass_only_occupied(self.claims, self._look)
+            pass_only_occupied(self._claims.lines, self._frame.lines)
         cast_rays(rows, start, reaches, self._frame.lines)
         self._settle(stamp, error, source)
 
@@ -258,22 +257,40 @@ class CellMap(SettledCells):
             kept: Result of `masked` of a map of the same place and size: no cell of it
                 is hit or passed.
         """
-        look = self._look
-        clear_masks(self._frame.lines)
+        found = list(rows)
+        self.mask_near(
+            np.array([kind for kind, *_ in found], dtype=np.int32),
+            np.array([row for _, row, *_ in found]).reshape(-1, 16),
+            np.array([slacks for _, _, *slacks in found]).reshape(-1, 2), kept,
+        )  # fmt: skip
+
+    def mask_near(
+        self, kinds: IntVector, rows: Floats, slacks: Floats,
+        kept: tuple[IntVector, Words] | None, middle: ArrayLike = (0, 0, 0),
+        reach: float = inf,
+    ) -> None:  # fmt: skip
+        """As `mask`, for a frame that touches no word farther from a sensor.
+
+        Args:
+            kinds: ShapeKind of each shape, shape (n,).
+            rows: Their rows in the world, shape (n, 16).
+            slacks: How far the surface of each may be within and outside it, shape
+                (n, 2) [m].
+            kept: See `mask`.
+            middle: Where the sensor is, world, shape (3,) [m].
+            reach: Distance from there beyond which `kept` is left out [m].
+        """
+        lines = self._frame.lines
+        clear_masks(lines)
         if kept is not None:
-            words, cells = kept
-            look.shell[words] = look.kept[words] = cells
-            look.masked[: len(words)] = words
-            notes: Any = look.notes
-            notes["masked"] = len(words)
-        for kind, row, error, shell in rows:
-            mask_shape(kind, row, error, shell, self._frame.lines)
+            mask_kept(*kept, np.asarray(middle, dtype=np.float64), float(reach), lines)
+        mask_shapes(kinds, rows, slacks, lines)
 
     def masked(self) -> tuple[IntVector, Words]:
-        """Words with cells of own links, and these cells."""
+        """Words with cells of own links, in rising order, and these cells."""
         look = self._look
         notes: Any = look.notes
-        words = look.masked[: int(notes["masked"])].copy()
+        words = np.sort(look.masked[: int(notes["masked"])])
         return words, look.inside[words] | look.shell[words]
 
     def own_cells(self) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:

@@ -4,90 +4,169 @@ What hit a cell was seen by the pixels that cover it. Once these see farther, it
 gone, though other parts of the cell are outside of the view or at its border.
 """
 
-from typing import Any
+from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armguard.cells.state import Claims, Look
-from armguard.cells.view import places_of
+from armguard.cells.carve import in_camera, look_of
+from armguard.cells.evidence import claims_of
+from armguard.cells.state import WORD_SIDE, Camera, Claims, Look, Singles
+from armguard.cells.words import (
+    bit,
+    corner_of,
+    middle_of,
+    place_of_word,
+    touch,
+)
+from armguard.geometry.vec3 import Vec3
+from armguard.kernel import kernel
+from armguard.lanes import lowest
+from armguard.table import LongVector
 
-Floats = NDArray[np.float64]
-
-# Corners and middle of a cell [cells].
-POINTS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) - 0.5
-POINTS = np.concatenate([POINTS, np.zeros((1, 3))])
+# Distance of a cube's corner from its middle, in edges [-].
+CORNER = 0.5 * sqrt(3.0)
 
 
-def pass_occupied(image: NDArray[np.float32], claims: Claims, out: Look) -> None:
+@kernel
+def pixel_at(point: Vec3, rows: int, columns: int, camera: Camera) -> int:
+    """Number of the pixel that sees a point, by rows, -1 beside the image.
+
+    Args:
+        point: The point in the camera's frame, before the camera [m].
+        rows: Rows of the image.
+        columns: Its columns.
+        camera: The camera.
+    """
+    u = np.rint(point[0] / point[2] * camera.focal[0] + camera.centre[0])
+    v = np.rint(point[1] / point[2] * camera.focal[1] + camera.centre[1])
+    if not (0.0 <= u < columns and 0.0 <= v < rows):
+        return -1
+    return int(v) * columns + int(u)
+
+
+@kernel
+def looks_past(
+    middle: Vec3, cell: float, rows: int, image: Singles, camera: Camera
+) -> bool:
+    """Whether an image sees the middle of a cell and looks past all of it.
+
+    Args:
+        middle: The middle, world [m].
+        cell: Edge of the cell [m].
+        rows: Rows of the image.
+        image: Depths by rows, shape (rows · columns,) [m].
+        camera: The camera.
+    """
+    columns = image.shape[0] // rows
+    here = in_camera(camera, middle)
+    if not here[2] > 0.0:
+        return False
+    pixel = pixel_at(here, rows, columns, camera)
+    if pixel < 0:
+        return False
+    seen, farthest = image[pixel], here[2]
+    for k in range(8):
+        corner = (
+            middle[0] + cell * ((k >> 2) - 0.5),
+            middle[1] + cell * ((k >> 1 & 1) - 0.5),
+            middle[2] + cell * ((k & 1) - 0.5),
+        )
+        at = in_camera(camera, corner)
+        farthest = max(farthest, at[2])
+        if not at[2] > 0.0:
+            return False
+        pixel = pixel_at(at, rows, columns, camera)
+        # An invalid pixel is NaN, and no cell is before it.
+        if pixel >= 0 and not image[pixel] >= seen:
+            seen = image[pixel]
+            if not seen > 0.0:
+                return False
+    return bool(farthest < seen and farthest <= camera.reach)
+
+
+@kernel
+def may_be_seen(
+    middle: Vec3, radius: float, rows: int, columns: int, camera: Camera
+) -> bool:
+    """Whether a ball may be within the view and before its reach; middle is world."""
+    x, y, z = in_camera(camera, middle)
+    if z + radius <= 0.0 or z - radius > camera.reach:
+        return False
+    for k in range(2):
+        side, focal = (x if k == 0 else y), camera.focal[k]
+        low = camera.centre[k] + 0.5
+        high = (columns if k == 0 else rows) - low
+        if focal * side + low * z < -radius * sqrt(focal * focal + low * low):
+            return False
+        if high * z - focal * side < -radius * sqrt(focal * focal + high * high):
+            return False
+    return True
+
+
+@kernel(inline=False)
+def pass_word(word: int, rows: int, image: Singles, claims: Claims, out: Look) -> None:
+    """Pass the occupied cells of a word that an image looks past."""
+    lattice, camera = claims.lattice, out.camera
+    cell = lattice.cell
+    place = place_of_word(word, lattice.blocks)
+    edge = WORD_SIDE * cell
+    middle, radius = (
+        middle_of(corner_of(place, WORD_SIDE, lattice), edge),
+        CORNER * edge,
+    )
+    if not may_be_seen(middle, radius, rows, image.shape[0] // rows, camera):
+        return
+    cells, passed = claims.occupied.words[word], np.uint64(0)
+    while cells != 0:
+        k = lowest(cells)
+        cells = cells & (cells - np.uint64(1))
+        at = (
+            lattice.low[0] + cell * (WORD_SIDE * place[0] + (k & 3) + 0.5),
+            lattice.low[1] + cell * (WORD_SIDE * place[1] + (k >> 2 & 3) + 0.5),
+            lattice.low[2] + cell * (WORD_SIDE * place[2] + (k >> 4) + 0.5),
+        )
+        if looks_past(at, cell, rows, image, camera):
+            passed |= bit(k)
+    if passed != 0:
+        touch(word, out)
+        out.passes[word] |= passed
+
+
+@kernel(inline=False, entry=True)
+def pass_occupied(
+    rows: int, image: Singles, claims_lines: LongVector, look_lines: LongVector
+) -> None:
     """Pass the occupied cells of which an image sees the middle and looks past.
 
     Every corner in the view has to be in a valid pixel that is farther than the cell.
 
     Args:
-        image: Depths, shape (rows, columns) [m].
-        claims: Claims of the map.
-        out: The frame, with its camera.
+        rows: Rows of the image.
+        image: Depths by rows, shape (rows · columns,) [m].
+        claims_lines: Lines of `Claims`.
+        look_lines: Lines of `Look`, with its camera.
     """
-    lattice: Any = claims.lattice
-    words = np.flatnonzero(claims.occupied.words)
-    if not len(words):
-        return
-    bits = np.unpackbits(
-        claims.occupied.words[words].view(np.uint8).reshape(-1, 8), axis=1,
-        bitorder="little",
-    )  # fmt: skip
-    row, bit = np.nonzero(bits)
-    cell = float(lattice["cell"])
-    middles = lattice["low"] + cell * (
-        places_of(words[row], bit, int(lattice["blocks"])) + 0.5
-    )
-    seen = looks_past(middles, cell, image, out)
-    passed = np.zeros(len(words), dtype=np.uint64)
-    np.bitwise_or.at(passed, row[seen], np.uint64(1) << bit[seen].astype(np.uint64))
-    notes: Any = out.notes
-    fresh = (out.hits[words] | out.passes[words] == 0) & (passed != 0)
-    count, more = int(notes["touched"]), words[fresh]
-    out.touched[count : count + len(more)] = more
-    notes["touched"] = count + len(more)
-    out.passes[words] |= passed
+    claims, look = claims_of(claims_lines), look_of(look_lines)
+    for block in range(claims.occupied.blocks.shape[0]):
+        groups = claims.occupied.blocks[block]
+        while groups != 0:
+            group = (block << 6) + lowest(groups)
+            groups = groups & (groups - np.uint64(1))
+            words = claims.occupied.groups[group]
+            while words != 0:
+                pass_word((group << 6) + lowest(words), rows, image, claims, look)
+                words = words & (words - np.uint64(1))
 
 
-def pass_only_occupied(claims: Claims, out: Look) -> None:
+@kernel(inline=False, entry=True)
+def pass_only_occupied(claims_lines: LongVector, look_lines: LongVector) -> None:
     """Of the cells that a frame passes leave those that are occupied.
 
     Args:
-        claims: Claims of the map.
-        out: The frame.
+        claims_lines: Lines of `Claims`.
+        look_lines: Lines of `Look`.
     """
-    notes: Any = out.notes
-    words = out.touched[: int(notes["touched"])]
-    out.passes[words] &= claims.occupied.words[words]
-
-
-def looks_past(
-    middles: Floats, cell: float, image: NDArray[np.float32], look: Look
-) -> NDArray[np.bool_]:
-    """Whether an image looks past cells, shape (n,).
-
-    Args:
-        middles: Their middles, world, shape (n, 3) [m].
-        cell: Their edge [m].
-        image: Depths, shape (rows, columns) [m].
-        look: The frame, with its camera.
-    """
-    camera: Any = look.camera
-    points = middles[:, None] + cell * POINTS - camera["origin"]
-    local = points @ np.asarray(camera["axes"]).T
-    depth = local[..., 2]
-    ahead = depth > 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = local[..., :2] / depth[..., None] * camera["focal"] + camera["centre"]
-    at = np.where(ahead[..., None], np.rint(at), -1.0)
-    rows, columns = image.shape
-    within = (at >= 0).all(axis=2) & (at[..., 0] < columns) & (at[..., 1] < rows)
-    j, i = (np.where(within, at[..., k], 0.0).astype(np.int64) for k in (0, 1))
-    farthest = depth.max(axis=1)
-    past = image[i, j] > farthest[:, None]
-    near = ahead.all(axis=1) & (farthest <= float(camera["reach"]))
-    return np.asarray(near & within[:, -1] & (past | ~within).all(axis=1))
+    claims, look = claims_of(claims_lines), look_of(look_lines)
+    for k in range(look.notes.touched):
+        word = look.touched[k]
+        look.passes[word] &= claims.occupied.words[word]

@@ -14,7 +14,7 @@ from armguard.cells.state import (
     Motion,
     Words,
 )
-from armguard.cells.words import place_of_word, put_word, touch
+from armguard.cells.words import member_of_group, place_of_word, put_word, touch
 from armguard.kernel import kernel
 from armguard.lanes import ones
 from armguard.table import IntVector, LongVector, opener
@@ -104,6 +104,7 @@ def settle_word(
         put_word(word, occupied, out.occupied)
     if unknown != unknown_before:
         put_word(word, unknown, out.unknown)
+    look.opened[word >> 6] |= 1 << member_of_group(word)
     out.motion[word], out.source[word] = motion, origin
     out.stamp[word], out.error[word] = at, farthest
     if changed:

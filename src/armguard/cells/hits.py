@@ -86,6 +86,13 @@ def hit_area(
             hit(cell_at(x, y, z, lattice.side), True, lattice.blocks, out)
 
 
+@kernel
+def valid(depth: np.float32) -> np.float32:
+    """A depth; 0 if it is not a positive finite number."""
+    within = (depth > np.float32(0.0)) & (depth < np.float32(np.inf))
+    return depth if within else np.float32(0.0)
+
+
 @kernel(inline=False)
 def write_codes(
     i: int, depths: Singles, camera: Camera, lattice: Lattice, out: IntVector
@@ -104,7 +111,7 @@ def write_codes(
     oz = (camera.origin[2] - lattice.low[2]) * scale
     middle, per_pixel = camera.centre[0], 1.0 / camera.focal[0]
     for j in range(depths.shape[0]):
-        depth = scale * depths[j]
+        depth = scale * valid(depths[j])
         s = (j - middle) * per_pixel
         x = ox + depth * (s * ax + bx)
         y = oy + depth * (s * ay + by)
@@ -126,7 +133,7 @@ def hit_row(i: int, depths: Singles, single: bool, codes: IntVector, out: Look) 
     enough = 0.0 if single else 0.5 * wide
     for j in range(depths.shape[0]):
         depth = depths[j]
-        if depth > wide:
+        if wide < depth < np.inf:
             parts = min(int(np.ceil(depth / wide)), MOST_PARTS)
             hit_area(i, j, depth / cell, parts, camera, lattice, out)
         else:
@@ -134,21 +141,24 @@ def hit_row(i: int, depths: Singles, single: bool, codes: IntVector, out: Look) 
 
 
 @kernel(inline=False, entry=True)
-def hit_pixels(single: bool, pyramid_lines: LongVector, look_lines: LongVector) -> None:
+def hit_pixels(
+    image: Singles, single: bool, pyramid_lines: LongVector, look_lines: LongVector
+) -> None:
     """Note the cells in which the pixels of an image measured a surface.
 
     A pixel wider than a cell hits the cells of its area at its depth, by points that
     are no farther apart than a cell.
 
     Args:
+        image: Depths by rows, shape (rows · columns,) [m].
         single: Whether one pixel in a cell is enough. Otherwise two are needed, where
             a cell is at least two pixels wide.
-        pyramid_lines: Lines of `Pyramid`.
+        pyramid_lines: Lines of a `Pyramid` for images of that size, for its scratch.
         look_lines: Lines of `Look`.
     """
     p, look = pyramid_of(pyramid_lines), look_of(look_lines)
     columns = p.levels[0, 2]
     for i in range(p.levels[0, 1]):
-        row = p.least[i * columns : (i + 1) * columns]
+        row = image[i * columns : (i + 1) * columns]
         write_codes(i, row, look.camera, look.lattice, p.codes)
         hit_row(i, row, single, p.codes, look)

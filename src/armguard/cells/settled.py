@@ -15,6 +15,7 @@ from armguard.cells.forgetting import forget_cells
 from armguard.cells.given import check_frame, check_size, check_source, rays_of
 from armguard.cells.state import (
     ARRIVAL_SIDE,
+    EVERY_MEMBER,
     NO_SENSOR,
     Words,
     empty_evidence,
@@ -108,7 +109,8 @@ class SettledCells(CellView):
         if self.intruder_speed is None:
             raise CellMapError("a map without intruder_speed forgets nothing")
         check_frame(stamp, inf, 0.0)
-        expire_words(float(stamp), self._evidence.lines, self._claims.lines)
+        lines = self._frame.lines, self._evidence.lines, self._claims.lines
+        expire_words(float(stamp), *lines)
 
     def forget(self, middle: ArrayLike, radius: float, stamp: float) -> None:
         """Forget known free cells of a ball: something is in it, at no known place.
@@ -147,6 +149,16 @@ class SettledCells(CellView):
             withdraw(int(source), words, passes, *lines)
         if all_frames:
             withdraw_all(int(source), *lines)
+
+    def apply(self, deltas: Records[Delta]) -> None:
+        """Take over changes of another map, see `CellView.apply`."""
+        super().apply(deltas)
+        self._look.opened[:] = EVERY_MEMBER
+
+    def restore(self, data: bytes) -> None:
+        """Continue from a checkpoint of another map, see `CellView.restore`."""
+        super().restore(data)
+        self._look.opened[:] = EVERY_MEMBER
 
     def _arrays(self) -> Iterator[NDArray[Any]]:
         """Arrays of the state; the first one is the lattice."""

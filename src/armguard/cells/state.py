@@ -33,6 +33,9 @@ MEMBERS = 64
 # Cells along an edge of a block of arrival times.
 ARRIVAL_SIDE = 8
 
+# All eight of these of a group, as in `Look.opened`.
+EVERY_MEMBER = 255
+
 # Sources of claims that are no sensor's alone; sensors are numbered from 1 on.
 NO_SENSOR, SEVERAL = 0, 255
 
@@ -199,6 +202,8 @@ class Look(NamedTuple):
         masked: Words with one of these, shape (words,).
         seen: Words of each block of 8³ cells that were wholly passed, shape
             (words / 8,); empty without an intruder.
+        opened: Bit k of each group: its member k of 8³ cells may have known free cells,
+            shape (words / 64,).
         scratch: Scratch for arrival times.
         notes: Counts.
     """
@@ -214,6 +219,7 @@ class Look(NamedTuple):
     kept: Words
     masked: IntVector
     seen: ByteVector
+    opened: ByteVector
     scratch: Vector
     notes: Notes
 
@@ -282,6 +288,7 @@ def empty_look(lattice: Lattice, words: int, blocks: int) -> Look:
     padded = 2 * (round(blocks ** (1 / 3)) + 2) ** 3 if blocks else 0
     return Look(
         lattice, records((), Camera), hits, sure, passes, touched, inside, shell,
-        kept, masked, np.zeros(blocks, dtype=np.uint8), np.zeros(padded),
-        records((), Notes),
+        kept, masked, np.zeros(blocks, dtype=np.uint8),
+        np.full(words // MEMBERS, EVERY_MEMBER, dtype=np.uint8),
+        np.zeros(padded), records((), Notes),
     )  # fmt: skip

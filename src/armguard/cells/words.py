@@ -39,6 +39,12 @@ def place_of_word(word: int, blocks: int) -> tuple[int, int, int]:
 
 
 @kernel
+def member_of_group(word: int) -> int:
+    """Which of the eight cubes of 8³ cells of its group a word is in."""
+    return (word >> 1 & 1) + (word >> 2 & 2) + (word >> 3 & 4)
+
+
+@kernel
 def corner_of(place: tuple[int, int, int], side: int, lattice: Lattice) -> Vec3:
     """Lower corner of a word, group or block, world [m].
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from armguard.sense.frames import Frame
 from armguard.sense.prediction import Mount, Prediction
-from armguard.sense.ranging import nearest
+from armguard.sense.ranging import linearise
 from armguard.sense.view import SIGMAS, View
 from armguard.sense.world import Placed
 
@@ -100,11 +100,12 @@ class Alignment:
             prediction: What it has to measure.
             now: The time [s].
         """
-        depth = frame.depth[self._view.places]
+        depth = self._view.predicted(frame.depth)
         near, far = (
-            np.where(prediction.primitive >= 0, part, 0.0) for part in prediction[:2]
+            np.where(prediction.primitive >= 0, part, 0.0)
+            for part in (prediction.near, prediction.far)
         )
-        known = (near > 0.0) & (far - near < CAPTURE) & frame.firm[self._view.places]
+        known = (near > 0.0) & (far - near < CAPTURE) & self._view.predicted(frame.firm)
         # What encloses a surface with more room than that shows no offset.
         known &= prediction.overreach <= self._view.sensor.error
         chosen = np.flatnonzero(known & (np.abs(depth - near) < CAPTURE))
@@ -134,10 +135,15 @@ class Alignment:
         R, shift = np.eye(3), np.zeros(3)
         prior = np.array([EXPECTED_SHIFT] * 3 + [EXPECTED_TURN] * 3) ** -2.0
         before = np.nan
+        weights = np.concatenate([look.weight for look in self._looks])
+        kept = int((1.0 - LEFT_OUT) * (len(weights) - 1))
+        out = np.full((len(weights), 8), -1.0)
         for step in range(STEPS + 1):
-            residual, rows, weight = self._linearised(R, shift)
-            worst = np.quantile(np.abs(residual) * np.sqrt(weight), 1.0 - LEFT_OUT)
-            weight = np.where(np.abs(residual) * np.sqrt(weight) <= worst, weight, 0.0)
+            self._linearised(R, shift, out)
+            residual, rows = out[:, 0], out[:, 1:7]
+            size = np.abs(residual) * np.sqrt(weights)
+            worst = np.partition(size, kept)[kept]
+            weight = np.where(size <= worst, weights, 0.0)
             cost = float((weight * residual**2).sum())
             before = cost if step == 0 else before
             if step == STEPS:
@@ -162,20 +168,17 @@ class Alignment:
         points = np.concatenate([look.points for look in self._looks])
         return np.asarray(points @ R.T + shift - points)
 
-    def _linearised(self, R: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:
-        """Residuals, their derivatives by shift and turn, and weights of all points."""
-        residuals, rows = [], []
+    def _linearised(self, R: Floats, shift: Floats, out: Floats) -> None:
+        """Residuals of all points, and their derivatives, see `linearise`."""
+        # A frame has some tens of points, so one call for each is little.
+        first, offset = 0, np.vstack([R, shift])
         for look in self._looks:
-            local = look.points @ R.T + shift
-            world = local @ look.mount.R.T + look.mount.origin
-            out = np.zeros((len(world), 4))
-            placed = look.placed
-            nearest(world, self._kinds, placed.rows, placed.balls, 1.0, out)
-            normal = out[:, 1:] @ look.mount.R
-            residuals.append(np.where(np.isfinite(out[:, 0]), out[:, 0], 0.0))
-            rows.append(np.hstack([normal, np.cross(local - shift, normal)]))
-        weight = np.concatenate([look.weight for look in self._looks])
-        return np.concatenate(residuals), np.concatenate(rows), weight
+            last = first + len(look.points)
+            linearise(
+                look.points, offset, look.mount.R, look.mount.origin,
+                self._kinds, look.placed.rows, look.placed.balls, out[first:last],
+            )  # fmt: skip
+            first = last
 
 
 def rotation(vector: Floats) -> Floats:

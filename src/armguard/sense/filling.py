@@ -13,7 +13,7 @@ from armguard.sense.frames import BadFrameError, Frame, Intake, Points, Signal
 from armguard.sense.history import JointHistory
 from armguard.sense.masking import Masks
 from armguard.sense.missing import MissingObjects
-from armguard.sense.prediction import Mount, Prediction, explained, mount_of, predict
+from armguard.sense.prediction import Mount, explained, mount_of, predict
 from armguard.sense.station import Station
 from armguard.sense.view import SIGMAS, View
 from armguard.sense.world import Placed, World
@@ -140,7 +140,12 @@ class Filling:
         beam = view.sensor.narrow
         # A beam has one distance, whose bits may well be those of the last one.
         repeated = not beam and station.tests.repeats(frame.depth, taken)
-        hits = self._hits(view, mount, placed, frame, prediction)
+        hits, through = view.split(frame, self._cells.cell)
+        if not view.sensor.image:
+            kinds = self._world.kinds
+            known = explained(view, mount, placed, kinds, frame, prediction)
+            # A beam has one distance: what explains a part of it explains all.
+            hits[known.any() if beam else known] = np.nan
         station.tests.test(frame, hits, mount, prediction, taken)
         if not beam:
             station.align(frame, mount, placed, prediction, taken)
@@ -150,7 +155,6 @@ class Filling:
         self._mask(view, now)
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = mount.R, mount.origin
-        through = view.through(frame)
         if not trusted:
             through[:] = np.nan
         self._cells.depth(
@@ -231,19 +235,3 @@ class Filling:
     def _error(view: View, mount: Mount) -> float:
         """How far off the claims of a frame may be [m]."""
         return view.sensor.error + mount.shift + mount.turn * view.reach
-
-    def _hits(
-        self, view: View, mount: Mount, placed: Placed, frame: Frame,
-        prediction: Prediction,
-    ) -> Floats:  # fmt: skip
-        """Depths of a frame that links and modelled objects do not explain [m].
-
-        What is too far to be freed again would stay in the map.
-        """
-        counts = view.clearable(frame.depth, self._cells.cell)
-        if not view.sensor.image:
-            kinds = self._world.kinds
-            known = explained(view, mount, placed, kinds, frame, prediction)
-            # A beam has one distance: what explains a part of it explains all.
-            counts &= ~(known.any() if view.sensor.narrow else known)
-        return np.where(counts, frame.depth, np.nan)

@@ -134,25 +134,34 @@ def frame_of(
     """
     shape = slopes.shape
     found = numbers(distance, "fiu", shape)
-    scale = 1e-3 if found.dtype.kind in "iu" else 1.0
     with np.errstate(over="ignore", invalid="ignore"):
-        depth = found.astype(np.float64) * scale
+        depth = found.astype(np.float64)
+        if found.dtype.kind in "iu":
+            depth *= 1e-3
         if sensor.along == "ray":
-            depth = depth / slopes
+            depth /= slopes
     measured = firm = np.ones(shape, dtype=np.bool_)
     nothing = np.zeros(shape, dtype=np.bool_)
     if status is not None:
         codes = numbers(status, "iu", shape)
-        firm = np.isin(codes, sensor.codes.valid)
-        measured = firm | np.isin(codes, sensor.codes.doubtful)
-        nothing = np.isin(codes, sensor.codes.nothing)
+        firm = among(codes, sensor.codes.valid)
+        measured = firm | among(codes, sensor.codes.doubtful)
+        nothing = among(codes, sensor.codes.nothing)
+    impossible = measured & (depth < 0.0)
     # Pixels of images without a measurement are NaN, infinite or 0.
-    lacks = sensor.image or status is None
-    no_number = ~np.isfinite(depth) | (depth == 0.0)
-    impossible = measured & ((depth < 0.0) | (no_number & (not lacks)))
-    within = (depth > 0.0) & (depth <= sensor.range[1])
-    usable = measured & ~impossible & within & ~no_number
-    return Frame(np.where(usable, depth, np.nan), firm & usable, nothing, impossible)
+    if not sensor.image and status is not None:
+        impossible |= measured & (~np.isfinite(depth) | (depth == 0.0))
+    usable = measured & (depth > 0.0) & (depth <= sensor.range[1])
+    depth[~usable] = np.nan
+    return Frame(depth, firm & usable, nothing, impossible)
+
+
+def among(codes: NDArray[np.generic], chosen: tuple[int, ...]) -> Bools:
+    """Which codes are among a few; `np.isin` takes ten times as long for these."""
+    found = np.zeros(codes.shape, dtype=np.bool_)
+    for code in chosen:
+        found |= codes == code
+    return found
 
 
 def points_of(sensor: SceneSensor, values: ArrayLike) -> Points:

@@ -2,6 +2,7 @@
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from armguard.sense.prediction import Mount, Prediction
 from armguard.sense.view import View
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 # A fault is over after this time without a sign of it [s]: of faults that motion shows,
@@ -167,6 +169,23 @@ class SensorHealth:
         self.heal(now)
 
 
+class Near(NamedTuple):
+    """Near foreign distances of a frame.
+
+    Attributes:
+        taken: When they were measured [s].
+        depth: The distance of each predicted zone; infinite where it is another one,
+            NaN where there is none, shape (z,) [m].
+        zones: Zones with a near one.
+        mount: Where the sensor was.
+    """
+
+    taken: float
+    depth: Floats
+    zones: int
+    mount: Mount
+
+
 class FrameTests:
     """Tests of the frames of a sensor, beside each other and beside the prediction.
 
@@ -177,23 +196,28 @@ class FrameTests:
 
     def __init__(self, view: View, health: SensorHealth) -> None:
         self._view, self._health = view, health
-        self._bytes, self._repeated, self._blind = b"", False, 0
+        self._last, self._repeated, self._blind = np.zeros(0), False, 0
         zones = len(view.places[0])
         self._values, self._run = np.full(zones, np.nan), np.zeros(zones, np.int64)
         self._least, self._most = np.full(zones, np.inf), np.full(zones, -np.inf)
-        self._window: deque[tuple[float, Floats, Mount]] = deque()
+        self._window: deque[Near] = deque()
 
     def repeats(self, values: Floats, now: float) -> bool:
         """Whether a frame has the values of the one before; twice is a fault."""
-        data = values.tobytes()
-        same = data == self._bytes and np.isfinite(values).sum() >= LEAST_REPEATED
+        same = (
+            values.shape == self._last.shape
+            # Of most frames the first row already differs.
+            and values[:1].tobytes() == self._last[:1].tobytes()
+            and np.array_equal(values.view(np.int64), self._last.view(np.int64))
+            and np.isfinite(values).sum() >= LEAST_REPEATED
+        )
         if same and self._repeated:
             self._health.sign(Fault.REPEATED, now)
-        self._bytes, self._repeated = data, bool(same)
+        self._last, self._repeated = values, bool(same)
         return bool(same)
 
     def test(
-        self, frame: Frame, hits: Floats, mount: Mount, prediction: Prediction,
+        self, frame: Frame, hits: Singles, mount: Mount, prediction: Prediction,
         now: float,
     ) -> None:  # fmt: skip
         """Test a frame.
@@ -205,7 +229,7 @@ class FrameTests:
             prediction: What it has to measure.
             now: The time of it [s].
         """
-        depth = frame.depth[self._view.places]
+        depth = self._view.predicted(frame.depth)
         self._test_blind(self._valid(frame, depth, prediction), now)
         if frame.impossible.any():
             self._health.sign(Fault.UNUSABLE, now, "values that cannot be")
@@ -213,7 +237,7 @@ class FrameTests:
             # Its one distance is the least within the cone, and has no zones.
             return
         self._test_stuck(depth, prediction, now)
-        foreign = np.isfinite(hits[self._view.places])
+        foreign = np.isfinite(self._view.predicted(hits))
         self._test_dirty(depth, foreign, mount, now)
 
     def test_points(self, found: Points, now: float) -> None:
@@ -228,7 +252,7 @@ class FrameTests:
     def _valid(self, frame: Frame, depth: Floats, prediction: Prediction) -> float:
         """Share of the zones that see a known surface and are valid; of all else."""
         least, greatest = self._view.sensor.range
-        within = self._view.cone[self._view.places]
+        within = self._view.predicted(self._view.cone)
         sees = within & (prediction.near > least) & (prediction.far < 0.8 * greatest)
         if sees.sum() >= max(4, 0.05 * len(depth)):
             return float(np.isfinite(depth[sees]).mean())
@@ -245,6 +269,10 @@ class FrameTests:
     def _test_stuck(self, depth: Floats, prediction: Prediction, now: float) -> None:
         known = prediction.far < np.inf
         same = (depth == self._values) & known
+        if not same.any():
+            self._values, self._run[:] = depth, 0
+            self._least[:], self._most[:] = np.inf, -np.inf
+            return
         self._run = np.where(same, self._run + 1, 0)
         self._least = np.where(same, np.minimum(self._least, prediction.near), np.inf)
         self._most = np.where(same, np.maximum(self._most, prediction.near), -np.inf)
@@ -258,23 +286,27 @@ class FrameTests:
     def _test_dirty(
         self, depth: Floats, foreign: Bools, mount: Mount, now: float
     ) -> None:
-        slack = self._view.slack(np.nan_to_num(depth))
         nearer = foreign & (depth < DIRTY_NEAR)
-        other = np.where(np.isfinite(depth), np.inf, np.nan)
-        self._window.append((now, np.where(nearer, depth, other), mount))
-        while now - self._window[0][0] > DIRTY_TIME:
+        other = np.where(np.isnan(depth), np.nan, np.inf)
+        near = Near(now, np.where(nearer, depth, other), int(nearer.sum()), mount)
+        self._window.append(near)
+        while now - self._window[0].taken > DIRTY_TIME:
             self._window.popleft()
-        first = self._window[0]
-        way = float(np.linalg.norm(mount.origin - first[2].origin))
-        turn = float(np.linalg.norm(mount.R - first[2].R))
-        still = way < DIRTY_WAY and turn < DIRTY_TURN
-        if len(self._window) < DIRTY_FRAMES or still:
+        # Each zone that is dirty is near in most frames.
+        least = DIRTY_ZONES * LEAST_VALID * len(self._window)
+        few = sum(one.zones for one in self._window) <= least
+        if few or len(self._window) < DIRTY_FRAMES:
             return
-        seen = np.array([one for _, one, _ in self._window])
+        first = self._window[0].mount
+        way = float(np.linalg.norm(mount.origin - first.origin))
+        turn = float(np.linalg.norm(mount.R - first.R))
+        if way < DIRTY_WAY and turn < DIRTY_TURN:
+            return
+        slack = self._view.slack(np.nan_to_num(depth))
+        seen = np.array([one.depth for one in self._window])
         valid = np.isfinite(seen).mean(axis=0) > LEAST_VALID
-        low = np.nan_to_num(seen, nan=np.inf).min(axis=0)
-        high = np.nan_to_num(seen, nan=0.0, posinf=np.inf).max(axis=0)
-        dirty = valid & (high < DIRTY_NEAR) & (high - low < slack)
+        low, high = np.fmin.reduce(seen), np.fmax.reduce(seen)
+        dirty = valid & (high < DIRTY_NEAR) & (high < low + slack)
         if dirty.sum() >= DIRTY_ZONES:
             self._health.sign(Fault.DIRTY, now, zones_in_words(dirty))
 

@@ -34,20 +34,21 @@ class JointHistory:
 
     def __init__(self, error: Floats, acceleration: Floats) -> None:
         self._error, self._acceleration = error, acceleration
-        self._q, self._stamps = np.zeros((ROOM, len(error))), np.zeros(ROOM)
+        # Each is written twice, so that the last ones are always one after another.
+        self._q, self._stamps = np.zeros((2 * ROOM, len(error))), np.zeros(2 * ROOM)
         self._next = self._count = 0
 
     @property
     def newest(self) -> float:
         """Stamp of the newest positions, minus infinity without any [s]."""
-        return float(self._stamps[self._next - 1]) if self._count else -np.inf
+        return float(self._stamps[self._next + ROOM - 1]) if self._count else -np.inf
 
     @property
     def oldest(self) -> float:
         """Stamp of the oldest positions, infinite without any [s]."""
         if not self._count:
             return np.inf
-        return float(self._stamps[self._next if self._count == ROOM else 0])
+        return float(self._stamps[self._next + ROOM - self._count])
 
     def add(self, q: ArrayLike, stamp: float) -> bool:
         """Add positions; False if they are not finite or their stamp does not rise."""
@@ -59,7 +60,8 @@ class JointHistory:
         wrong = row.shape != self._error.shape or not np.isfinite(row).all()
         if wrong or not isfinite(stamp) or stamp <= self.newest:
             return False
-        self._q[self._next], self._stamps[self._next] = row, stamp
+        for k in (self._next, self._next + ROOM):
+            self._q[k], self._stamps[k] = row, stamp
         self._next = (self._next + 1) % ROOM
         self._count = min(self._count + 1, ROOM)
         return True
@@ -72,26 +74,24 @@ class JointHistory:
         """
         if not self.oldest <= stamp:
             return None
-        order = np.arange(self._next - self._count, self._next) % ROOM
-        stamps = self._stamps[order]
-        after = int(np.searchsorted(stamps, stamp))
+        last = slice(self._next + ROOM - self._count, self._next + ROOM)
+        q, stamps = self._q[last], self._stamps[last]
+        after = int(stamps.searchsorted(stamp))
         if after == len(stamps):
-            return self._beyond(order, stamp - stamps[-1])
+            return self._beyond(q, stamps, stamp - stamps[-1])
         if after == 0:
-            return Positions(self._q[order[0]], self._error)
-        a, b = self._q[order[after - 1]], self._q[order[after]]
+            return Positions(q[0].copy(), self._error)
+        a, b = q[after - 1], q[after]
         gap = stamps[after] - stamps[after - 1]
         share = (stamp - stamps[after - 1]) / gap
         # A path of bounded acceleration leaves its chord by at most a · gap² / 8.
         bend = self._acceleration * gap * gap / 8.0
         return Positions(a + share * (b - a), self._error + bend)
 
-    def _beyond(self, order: NDArray[np.int64], time: float) -> Positions:
+    def _beyond(self, q: Floats, stamps: Floats, time: float) -> Positions:
         """Positions some time after the newest measurement [s]."""
-        last = order[-1]
         speed = np.zeros_like(self._error)
-        if len(order) > 1:
-            gap = self._stamps[last] - self._stamps[order[-2]]
-            speed = np.abs(self._q[last] - self._q[order[-2]]) / gap
+        if len(stamps) > 1:
+            speed = np.abs(q[-1] - q[-2]) / (stamps[-1] - stamps[-2])
         way = speed * time + 0.5 * self._acceleration * time * time
-        return Positions(self._q[last], self._error + way)
+        return Positions(q[-1].copy(), self._error + way)

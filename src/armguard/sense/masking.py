@@ -1,7 +1,5 @@
 """Cells of links and modelled objects: neither foreign, nor freed by sensors."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +12,8 @@ from armguard.sense.world import Placed, World
 from armguard.table import IntVector
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 Kept = tuple[IntVector, Words]
-MaskRow = tuple[int, Floats, float, float]
 
 HALF_SPACE, BOX = int(ShapeKind.HALF_SPACE), int(ShapeKind.BOX)
 
@@ -57,11 +55,10 @@ class Masks:
         self._pass(placed, stamp, clear)
 
     def _pass(self, placed: Placed, stamp: float, clear: float) -> None:
-        own = np.flatnonzero(self._world.own)
-        rows = self._rows(own, placed, np.zeros(len(placed.rows)))
-        self._cells.mask(
-            (k, row, error - clear, clear + shell) for k, row, error, shell in rows
-        )
+        own, none = self._world.own, np.zeros(len(placed.rows))
+        kinds, rows, slacks = self._rows(own, placed, none)
+        slacks += (-clear, clear)
+        self._cells.mask_near(kinds, rows, slacks, None)
         self._cells.points(np.zeros((0, 3)), np.zeros(3), stamp)
 
     def set(
@@ -76,7 +73,8 @@ class Masks:
             all_links: Whether to mask links that it does not see, too.
         """
         tables, sensor = self._world.tables, view.sensor
-        away = np.linalg.norm(placed.balls[:, :3] - mount.origin, axis=1)
+        aside = (placed.balls[:, :3] - mount.origin) @ mount.R
+        away = np.linalg.norm(aside, axis=1)
         depth = np.minimum(away + placed.balls[:, 3], sensor.range[1])
         # The hits of zones are explained one by one, whatever their depth.
         single = sensor.form == "zones" or sensor.narrow
@@ -84,12 +82,17 @@ class Masks:
         slack += mount.shift + mount.turn * depth
         if sensor.name not in self._kept:
             self._keep(sensor.name, sensor.on is not None, placed, slack)
+        kept, cell = self._kept[sensor.name], self._cells.cell
+        moving = np.arange(len(depth)) < tables.moving_count
+        if all_links:
+            # Not only cells that a frame touches are withdrawn.
+            self._cells.mask_near(*self._rows(moving, placed, slack), kept)
+            return
         reach = view.reach if single else sensor.range[1]
         seen = away - placed.balls[:, 3] - slack <= reach
-        moving = np.arange(len(depth)) < tables.moving_count
-        chosen = np.flatnonzero(moving & (seen | all_links))
-        rows = self._rows(chosen, placed, slack)
-        self._cells.mask(rows, self._kept[sensor.name])
+        beside = view.beside(aside, placed.balls[:, 3] + slack + placed.shifts + cell)
+        rows = self._rows(moving & seen, placed, slack, beside)
+        self._cells.mask_near(*rows, kept, mount.origin, view.span + 2.0 * cell)
 
     def _keep(self, name: str, moves: bool, placed: Placed, slack: Floats) -> None:
         """Mask the static objects once for a sensor.
@@ -101,24 +104,35 @@ class Masks:
             slack: How far each may seem to reach, shape (p,) [m].
         """
         first = self._world.tables.moving_count
-        static = first + np.flatnonzero(placed.balls[first:, 3] >= 0.0)
-        if moves and len(static):
+        static = placed.balls[:, 3] >= 0.0
+        static[:first] = False
+        if moves and static.any():
             slack = np.full(len(slack), slack[first:].max())
-        self._cells.mask(self._rows(static, placed, slack))
+        self._cells.mask_near(*self._rows(static, placed, slack), None)
         self._kept[name] = self._cells.masked()
 
     def _rows(
-        self, chosen: NDArray[np.int64], placed: Placed, slack: Floats
-    ) -> Iterator[MaskRow]:
-        """Rows of masks, see `CellMap.mask`."""
+        self, chosen: Bools, placed: Placed, slack: Floats, beside: Bools | None = None
+    ) -> tuple[IntVector, Floats, Floats]:
+        """Kinds, rows and slacks of masks, see `CellMap.mask_near`.
+
+        Args:
+            chosen: Which primitives, shape (p,).
+            placed: All of them.
+            slack: How far each may seem to reach, shape (p,) [m].
+            beside: Links that are beside the view: only their inside matters.
+        """
         world, own = self._world, self._world.own
-        for i in chosen.tolist():
-            shift = float(placed.shifts[i])
-            inner = shift + float(world.model_errors[i]) if own[i] else np.inf
-            kind, row = int(world.kinds[i]), placed.rows[i]
-            if kind == HALF_SPACE:
-                kind, row = BOX, self._slab(row)
-            yield kind, row, inner, shift + float(slack[i])
+        slacks = np.empty((len(own), 2))
+        slacks[:, 0] = np.where(own, placed.shifts + world.model_errors, np.inf)
+        slacks[:, 1] = placed.shifts + slack
+        if beside is not None:
+            only = beside & own
+            slacks[only, 1] = -slacks[only, 0]
+        kinds, rows = world.kinds[chosen], placed.rows[chosen]
+        for k in np.flatnonzero(kinds == HALF_SPACE):
+            kinds[k], rows[k] = BOX, self._slab(rows[k])
+        return kinds, rows, slacks[chosen]
 
     def _slab(self, row: Floats) -> Floats:
         """A box in place of a half-space, of which the map has no more."""

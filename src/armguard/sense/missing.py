@@ -45,13 +45,15 @@ class MissingObjects:
         """
         if not len(self._objects):
             return
-        depth = frame.depth[view.places]
-        depth = np.where(frame.nothing[view.places], np.inf, depth)
-        within = prediction.far < 0.8 * view.sensor.range[1]
-        number = np.where(
-            prediction.primitive >= 0, self._number[prediction.primitive], -1
+        depth = np.where(
+            view.predicted(frame.nothing), np.inf, view.predicted(frame.depth)
         )
+        within = prediction.far < 0.8 * view.sensor.range[1]
+        primitive = prediction.primitive
+        number = np.where(primitive >= 0, self._number[primitive], -1)
         chosen = (number >= 0) & within & ~np.isnan(depth)
+        if not chosen.any():
+            return
         beyond = depth > prediction.far + 2.0 * view.slack(prediction.far)
         count, through = (
             np.bincount(number[some], minlength=len(self._objects))

@@ -6,18 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.scene.sensors import SceneSensor
+from armguard.sense.explaining import explain
 from armguard.sense.frames import Frame
-from armguard.sense.ranging import cast, touching
+from armguard.sense.ranging import cast, over_zones
 from armguard.sense.view import View
 from armguard.sense.world import Placed, World
 
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-# Overreach of a primitive from which on its edge is not that of its surface [m].
-OVERREACH = 0.003
 
 
 class Mount(NamedTuple):
@@ -35,39 +32,60 @@ class Mount(NamedTuple):
     shift: float
     turn: float
 
+    @property
+    def figures(self) -> Floats:
+        """Axes by rows, place, shift and turn, shape (14,)."""
+        out = np.empty(14)
+        out[:9], out[9:12] = self.R.reshape(9), self.origin
+        out[12], out[13] = self.shift, self.turn
+        return out
+
 
 class Prediction(NamedTuple):
     """Depths that zones have to measure, by the links and objects at a time.
 
     Attributes:
-        near: Least depth over the rays of each zone, infinite without any, shape
-            (z,) [m].
-        far: Greatest one, infinite where one ray meets none, shape (z,) [m].
-        primitive: Primitive that all rays of a zone meet; -1 if they meet several, or
-            if one meets none, shape (z,).
-        overreach: How far the primitives that are met may reach beyond the surfaces
-            that they enclose, shape (z,) [m].
+        zones: Of each zone, shape (z, 4): the least depth over its rays, infinite
+            without any [m]; the greatest one, infinite where one ray meets none [m];
+            the primitive that all rays meet, -1 if they meet several, or if one meets
+            none; and how far the primitives that are met may reach beyond the surfaces
+            that they enclose [m].
     """
 
-    near: Floats
-    far: Floats
-    primitive: Ints
-    overreach: Floats
+    zones: Floats
+
+    @property
+    def near(self) -> Floats:
+        """Least depths, shape (z,) [m]."""
+        return self.zones[:, 0]
+
+    @property
+    def far(self) -> Floats:
+        """Greatest depths, shape (z,) [m]."""
+        return self.zones[:, 1]
+
+    @property
+    def primitive(self) -> Ints:
+        """Primitives, shape (z,)."""
+        return self.zones[:, 2].astype(np.int32)
+
+    @property
+    def overreach(self) -> Floats:
+        """How far they may reach beyond their surfaces, shape (z,) [m]."""
+        return self.zones[:, 3]
 
 
 def mount_of(sensor: SceneSensor, world: World, placed: Placed) -> Mount:
     """Where a sensor is at the time of placed primitives."""
-    T = sensor.pose.matrix()
+    T = sensor.pose.rows().reshape(3, 4)
     if sensor.on is None:
-        return Mount(T[:3, :3], T[:3, 3], 0.0, 0.0)
+        return Mount(T[:, :3].copy(), T[:, 3].copy(), 0.0, 0.0)
     frame = world.tables.links[sensor.on]
-    in_body = frame.T_body_link @ T
-    body = np.array([frame.body], dtype=np.int32)
-    T = np.eye(4)
-    T[:3] = placed.T_world[frame.body].reshape(3, 4)
-    T = T @ in_body
-    shift = world.shift(placed, body, in_body[None, :3, 3], np.zeros(1))
-    return Mount(T[:3, :3], T[:3, 3], float(shift[0]), world.turn(placed, frame.body))
+    in_body = frame.T_body_link @ np.vstack([T, (0.0, 0.0, 0.0, 1.0)])
+    T = placed.T[0, frame.body].reshape(3, 4) @ in_body
+    point = np.append(in_body[:3, 3], 0.0)[None]
+    shift = world.spread(placed, np.array([frame.body], dtype=np.int32), point)[0, 4]
+    return Mount(T[:3, :3], T[:3, 3], float(shift), world.turn(placed, frame.body))
 
 
 def predict(view: View, mount: Mount, placed: Placed, world: World) -> Prediction:
@@ -81,25 +99,12 @@ def predict(view: View, mount: Mount, placed: Placed, world: World) -> Predictio
     """
     zones, rays, _ = view.ways.shape
     ways = view.ways.reshape(-1, 3)
-    out = np.zeros((len(ways), 2))
+    found, out = np.empty((len(ways), 2)), np.empty((zones, 4))
     reach = 2.0 * view.sensor.range[1]
-    cast(
-        mount.origin,
-        ways @ mount.R.T,
-        world.kinds,
-        placed.rows,
-        placed.balls,
-        reach,
-        out,
-    )
-    depth = (out[:, 0] * ways[:, 2]).reshape(zones, rays)
-    which = out[:, 1].reshape(zones, rays).astype(np.int32)
-    same = (which == which[:, :1]).all(axis=1)
-    errors = np.where(which >= 0, world.model_errors[which], 0.0)
-    return Prediction(
-        depth.min(axis=1), depth.max(axis=1), np.where(same, which[:, 0], -1),
-        errors.max(axis=1),
-    )  # fmt: skip
+    kinds, rows, balls = world.kinds, placed.rows, placed.balls
+    cast(mount.origin, ways @ mount.R.T, kinds, rows, balls, reach, found)
+    over_zones(found, view.along, world.model_errors, rays, out)
+    return Prediction(out)
 
 
 def explained(
@@ -120,29 +125,8 @@ def explained(
         frame: The frame.
         prediction: What it has to measure.
     """
-    boxes, chosen = view.patches(frame, mount.R, mount.origin)
-    depth = frame.depth[chosen]
-    slack = view.slack(depth) + mount.shift + mount.turn * depth
-    found = np.zeros(len(boxes), dtype=np.int32)
-    touching(
-        boxes, kinds, placed.rows, placed.balls,
-        slack[:, None] + placed.shifts, found,
-    )  # fmt: skip
-    shape = frame.depth.shape
-    near = -about(-prediction.near.reshape(shape))[chosen]
-    far = about(prediction.far.reshape(shape))[chosen]
-    merged = np.minimum(far + slack, near + view.sensor.merge)
-    # A surface may end before the primitive that encloses it.
-    over = about(prediction.overreach.reshape(shape))[chosen] > OVERREACH
-    merged = np.where(over, near + view.sensor.merge, merged)
-    edge = (over | (far > near + slack)) & (near - slack <= depth) & (depth <= merged)
-    out = np.zeros(frame.depth.shape, dtype=np.bool_)
-    out[chosen] = (found >= 0) | edge
+    out = np.empty(frame.depth.shape, dtype=np.bool_)
+    zones = prediction.zones.reshape(*out.shape, 4)
+    rows, balls = placed.rows, placed.balls
+    explain(frame.depth, zones, view.figures, mount.figures, kinds, rows, balls, out)
     return out
-
-
-def about(values: Floats) -> Floats:
-    """The greatest value of each zone and those beside it, shape (rows, columns)."""
-    wide = np.pad(values, 1, constant_values=-np.inf)
-    windows = np.lib.stride_tricks.sliding_window_view(wide, (3, 3))
-    return np.asarray(windows.max(axis=(2, 3)))

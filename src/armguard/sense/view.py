@@ -1,14 +1,19 @@
 """The view of a sensor: its zones in space, and how far it surely sees."""
 
-from math import atan2, cos, inf, pi, sqrt, tan
+from math import atan, atan2, cos, inf, pi, sin, sqrt, tan
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.scene.sensors import PARTS, SceneSensor
 from armguard.sense.frames import Frame
+from armguard.sense.reading import split_depths
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 # Standard deviations of the noise that are taken for its greatest.
@@ -37,8 +42,15 @@ class View:
         cone: Which zones are in the view, shape (rows, columns): all but the parts of
             a beam outside its cone.
         reach: Depth up to which the sensor surely sees what has the least size [m].
+        span: Distance beyond which its frames neither hit nor free, infinite for points
+            [m].
+        figures: Error, standard deviations of the noise that are taken for its
+            greatest, its coefficients, and the depth beyond which it no more grows;
+            focal lengths, principal point, and depth within which surfaces merge;
+            shape (11,).
         places: Rows and columns of the zones that are predicted, each of shape (z,).
         ways: Unit vectors of the rays of these, in the sensor, shape (z, rays, 3).
+        along: Their parts along the axis of the sensor, shape (z · rays,).
 
     Args:
         sensor: The sensor.
@@ -57,6 +69,17 @@ class View:
         if sensor.narrow or sensor.form == "capacitive":
             self.cone = self._corners(-0.5) < tan(0.5 * sensor.view[0])
         self.reach = min(sure_reach(sensor, size, cell), sensor.range[1])
+        widest = float(self._corners(0.5).max()) if sensor.form != "points" else inf
+        self._widest = atan(widest)
+        self.span = self.reach * sqrt(1.0 + widest * widest)
+        a, b, c = sensor.noise if sensor.form != "infrared" else (0.0, 0.0, 0.0)
+        deepest = 2.0 * sensor.range[1]
+        self.figures = np.array(
+            [
+                *(sensor.error, SIGMAS, a, b, c, deepest),
+                *(*sensor.focal, *sensor.middle, sensor.merge),
+            ]
+        )
         picked = (
             np.unique(np.linspace(0, n - 1, min(n, LOOKS)).round().astype(np.int64))
             if sensor.image
@@ -80,6 +103,7 @@ class View:
             axis=2,
         )
         self.ways = ways / np.linalg.norm(ways, axis=2, keepdims=True)
+        self.along = np.ascontiguousarray(self.ways[..., 2].reshape(-1))
 
     def _corners(self, ways: float) -> Floats:
         """Distances of corners of zones from the axis, at depth 1, (rows, columns).
@@ -107,44 +131,53 @@ class View:
         i, j = (part[zones] for part in self.places)
         return np.stack([self._x[i, j] * depth, self._y[i, j] * depth, depth], axis=1)
 
-    def patches(self, frame: Frame, R: Floats, origin: Floats) -> tuple[Floats, Bools]:
-        """Boxes about the areas that measured zones have at their depths.
+    def predicted(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
+        """Values of the predicted zones, of those of all zones, shape (z,)."""
+        if self.ways.shape[0] == values.size:
+            return values.reshape(-1)
+        return values[self.places]
+
+    def beside(self, middles: Floats, radii: Floats) -> Bools:
+        """Which balls are outside a cone about the whole view, shape (n,).
+
+        Args:
+            middles: Their middles, in the sensor, shape (n, 3) [m].
+            radii: Their radii, shape (n,) [m].
+        """
+        if self._widest >= 0.5 * pi:
+            return np.zeros(len(middles), dtype=np.bool_)
+        across = np.hypot(middles[:, 0], middles[:, 1])
+        away = across * cos(self._widest) - middles[:, 2] * sin(self._widest)
+        return np.asarray(away > radii)
+
+    def split(self, frame: Frame, cell: float) -> tuple[Singles, Singles]:
+        """Depths of a frame that hit, and those up to which zones are looked through.
+
+        One hits if it is so near that a later frame can free its cells again. What is
+        looked through is less than what was measured, by the error and the noise.
 
         Args:
             frame: The frame.
-            R: Axes of the sensor in the world, by columns, shape (3, 3).
-            origin: Its place, shape (3,) [m].
+            cell: Edge of a cell [m].
 
         Returns:
-            Rows of the boxes in the world, shape (n, 16), and which zones they are of.
+            Both of shape (rows, columns), NaN for none [m].
         """
-        chosen = np.isfinite(frame.depth)
-        depth = frame.depth[chosen]
-        local = np.stack([self._x[chosen] * depth, self._y[chosen] * depth, depth], 1)
-        rows = np.zeros((len(depth), 16))
-        rows[:, 1:4] = local @ R.T + origin
-        rows[:, 4] = 0.5 * depth / self.sensor.focal[0]
-        rows[:, 5] = 0.5 * depth / self.sensor.focal[1]
-        rows[:, 7:16] = R.reshape(9)
-        return rows, chosen
-
-    def clearable(self, depth: Floats, cell: float) -> Bools:
-        """Which depths are so near that a later frame can free their cells again."""
-        return np.asarray(depth + self.slack(depth) + 2.0 * cell <= self.reach)
-
-    def through(self, frame: Frame) -> Floats:
-        """Depths up to which the zones of a frame are looked through, NaN if unknown.
-
-        They are less than the measured ones by the error and the noise.
-        """
+        out = np.empty((2, *frame.depth.shape), dtype=np.float32)
+        split_depths(
+            frame.depth.reshape(-1), frame.firm.reshape(-1), frame.nothing.reshape(-1),
+            self.figures, 2.0 * cell, self.reach, out.reshape(2, -1),
+        )  # fmt: skip
+        hits, through = out
         if frame.surely is not None:
-            return frame.surely
-        depth = np.where(frame.firm, frame.depth, np.nan)
-        depth = np.maximum(depth - self.slack(depth), 0.0)
-        depth[frame.nothing] = 2.0 * self.sensor.range[1]
-        return depth
+            through[:] = frame.surely
+        return hits, through
 
-    def freeing(self, depth: Floats) -> Floats:
+    def through(self, frame: Frame) -> Singles:
+        """Depths up to which the zones of a frame are looked through, see `split`."""
+        return self.split(frame, 0.0)[1]
+
+    def freeing(self, depth: Singles) -> Singles:
         """Depths up to which space is surely free, NaN where it is not.
 
         A zone is not seen to be filled by an object that fills less of it than its
@@ -162,11 +195,13 @@ class View:
             depth = np.where(self._corners(0.5) <= inner, depth, np.nan)
             # A cell is compared with several pixels on each side of it.
             return depth.repeat(FINER, axis=0).repeat(FINER, axis=1)
-        halves = np.pad(
-            depth.repeat(2, axis=0).repeat(2, axis=1), 1, constant_values=np.nan
-        )
-        windows = np.lib.stride_tricks.sliding_window_view(halves, (3, 3))
-        return np.asarray(windows.min(axis=(2, 3)))
+        rows, columns = depth.shape
+        halves = np.full((2 * rows + 2, 2 * columns + 2), np.nan, dtype=depth.dtype)
+        for i in (1, 2):
+            for j in (1, 2):
+                halves[i : i + 2 * rows : 2, j : j + 2 * columns : 2] = depth
+        tall = np.minimum(np.minimum(halves[:-2], halves[1:-1]), halves[2:])
+        return np.minimum(np.minimum(tall[:, :-2], tall[:, 1:-1]), tall[:, 2:])
 
 
 def sure_reach(sensor: SceneSensor, size: float, cell: float = inf) -> float:

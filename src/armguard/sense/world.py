@@ -9,11 +9,12 @@ from armguard.errors import SceneError
 from armguard.geometry.bounds import row_bounds
 from armguard.guard.monitor import Monitor
 from armguard.index.octree_state import ABSENT
-from armguard.robot.kinematics import FIXED, PRISMATIC, forward_kinematics
+from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.sensing import SceneSensing
 from armguard.sense.history import JointHistory, Positions
+from armguard.sense.placing import spread, turn_of
 from armguard.sense.ranging import place_rows
 
 Ints = NDArray[np.int32]
@@ -27,21 +28,23 @@ class Placed(NamedTuple):
     """Primitives at a time.
 
     Attributes:
-        T_world: Poses of the bodies, shape (b, 12).
-        T_spread: Poses of the bodies at both ends of the time in question, each of that
-            shape.
+        T: Poses of the bodies at the time, and at both ends of the time in question,
+            shape (3, b, 12).
         error: How far off each joint position may be, shape (n,) [rad or m].
         rows: Rows of the primitives in the world, shape (p, 16).
-        balls: Middle and radius of a ball about each, shape (p, 4) [m].
-        shifts: How far each may be from there, shape (p,) [m].
+        balls: Middle and radius of a ball about each, and how far each primitive may be
+            from its place, shape (p, 5) [m].
     """
 
-    T_world: Floats
-    T_spread: tuple[Floats, Floats]
+    T: Floats
     error: Floats
     rows: Floats
     balls: Floats
-    shifts: Floats
+
+    @property
+    def shifts(self) -> Floats:
+        """How far each primitive may be from its place, shape (p,) [m]."""
+        return self.balls[:, 4]
 
 
 class World:
@@ -68,6 +71,9 @@ class World:
         self.model_errors = tables.model_errors[:count]
         self.static = tables.local_rows[self._moving : count].copy()
         self._balls = balls_about(self.kinds, tables.local_rows[:count])
+        self._local = tables.local_rows[:count].copy()
+        joints = np.stack([tables.joint_kind, tables.q_index], axis=1)
+        self._joints = joints.astype(np.int32)
         self.object_names = np.array(
             ["" if "/" in name else name for name in tables.body_names[:count]]
         )
@@ -99,6 +105,7 @@ class World:
         if same and np.array_equal(absent, self._balls[self._moving :, 3] < 0.0):
             return False
         self.static = rows.copy()
+        self._local[self._moving :] = rows
         kinds = self.kinds[self._moving :]
         self._balls[self._moving :] = balls_about(kinds, rows)
         self._balls[self._moving :][absent] = NOWHERE
@@ -125,25 +132,25 @@ class World:
         middle = history.at(stamp)
         if middle is None:
             return None
-        found = [history.at(stamp + way) for way in (-jitter, jitter)]
-        first, last = (middle if one is None else one for one in found)
+        ways = (-jitter, jitter) if jitter > 0.0 else ()
+        found = [history.at(stamp + way) or middle for way in ways]
+        first, last = found or (middle, middle)
         return self._placed(middle, first, last)
 
     def _placed(self, middle: Positions, first: Positions, last: Positions) -> Placed:
-        tables = self.tables
-        T = self.poses(middle.q)
-        spread = self.poses(first.q), self.poses(last.q)
+        T = np.zeros((3, len(self.tables.parent), 12))
+        for k, positions in enumerate((middle, first, last)):
+            T[k] = self.poses(positions.q)
         error = np.maximum(np.maximum(first.error, last.error), middle.error)
-        local = np.concatenate([tables.local_rows[: tables.moving_count], self.static])
-        rows = np.empty_like(local)
-        place_rows(self.kinds, self._bodies, local, T, rows)
-        balls, shifts = self._balls.copy(), np.zeros(len(local))
-        moving = slice(0, tables.moving_count)
-        bodies, centres = tables.bodies[moving], self._balls[moving, :3]
-        balls[moving, :3] = points_at(T[bodies], centres)
-        radii = self._balls[moving, 3]
-        placed = Placed(T, spread, error, rows, balls, shifts)
-        shifts[moving] = self.shift(placed, bodies, centres, radii)
+        # What a robot holds rides on it since the last frame.
+        self._local[: self._moving] = self.tables.local_rows[: self._moving]
+        rows = np.empty_like(self._local)
+        place_rows(self.kinds, self._bodies, self._local, T[0], rows)
+        balls = np.zeros((len(rows), 5))
+        placed = Placed(T, error, rows, balls)
+        moving = slice(0, self._moving)
+        balls[:, :4] = self._balls
+        balls[moving] = self.spread(placed, self._bodies[moving], self._balls[moving])
         return placed
 
     def poses(self, q: Floats) -> Floats:
@@ -154,61 +161,26 @@ class World:
         )
         return out
 
-    def shift(
-        self, placed: Placed, bodies: Ints, centres: Floats, radii: Floats
-    ) -> Floats:
-        """How far balls on bodies may be from their places.
+    def spread(self, placed: Placed, bodies: Ints, balls: Floats) -> Floats:
+        """Balls on bodies in the world, and how far each may be from there.
 
         Args:
             placed: The bodies.
             bodies: Body of each, shape (k,).
-            centres: Middle of each in the body, shape (k, 3) [m].
-            radii: Radius of each, shape (k,) [m].
+            balls: Middle in the body and radius of each, shape (k, 4) [m].
 
         Returns:
-            Shape (k,) [m].
+            Middle, radius and that way, shape (k, 5) [m].
         """
-        T = placed.T_world[bodies].reshape(-1, 3, 4)
-        middle = points_at(placed.T_world[bodies], centres)
-        way = np.zeros(len(bodies))
-        for ends in placed.T_spread:
-            S = ends[bodies].reshape(-1, 3, 4)
-            turned = np.linalg.norm(S[:, :, :3] - T[:, :, :3], axis=(1, 2))
-            moved = points_at(ends[bodies], centres) - middle
-            way = np.maximum(way, np.linalg.norm(moved, axis=1) + turned * radii)
-        return way + self._levers(placed, bodies, middle, radii)
+        t, out = self.tables, np.zeros((len(bodies), 5))
+        T, error = placed.T, placed.error
+        spread(bodies, balls, T, error, t.parent, self._joints, t.gain, out)
+        return out
 
     def turn(self, placed: Placed, body: int) -> float:
         """By what angle a body may be turned against its pose [rad]."""
-        R = placed.T_world[body].reshape(3, 4)[:, :3]
-        spread = [
-            float(np.linalg.norm(S[body].reshape(3, 4)[:, :3] - R))
-            for S in placed.T_spread
-        ]
-        tables, total = self.tables, 0.0
-        while body >= 0:
-            if tables.joint_kind[body] not in (FIXED, PRISMATIC):
-                total += placed.error[tables.q_index[body]] * abs(tables.gain[body, 0])
-            body = int(tables.parent[body])
-        return max(spread) + float(total)
-
-    def _levers(
-        self, placed: Placed, bodies: Ints, middle: Floats, radii: Floats
-    ) -> Floats:
-        """Ways of balls by the errors of all joints that carry them, shape (k,) [m]."""
-        tables, total = self.tables, np.zeros(len(bodies))
-        carriers = bodies.copy()
-        while (carriers >= 0).any():
-            at = np.maximum(carriers, 0)
-            joint = tables.q_index[at]
-            error = placed.error[joint] * np.abs(tables.gain[at, 0])
-            origin = placed.T_world[at][:, [3, 7, 11]]
-            lever = np.linalg.norm(middle - origin, axis=1) + radii
-            lever[tables.joint_kind[at] == PRISMATIC] = 1.0
-            moved = (carriers >= 0) & (tables.joint_kind[at] != FIXED)
-            total += np.where(moved, error * lever, 0.0)
-            carriers = np.where(carriers >= 0, tables.parent[at], -1)
-        return total
+        t, T, error = self.tables, placed.T, placed.error
+        return float(turn_of(body, T, error, t.parent, self._joints, t.gain))
 
 
 def points_at(T: Floats, points: Floats) -> Floats:
