@@ -29,6 +29,8 @@ from armguard.cli.console import (
 from armguard.errors import StationError
 from armguard.guard import Level
 from armguard.guard.events import Event
+from armguard.guard.layout import IN_HEADER
+from armguard.guard.levels import Reason
 from armguard.processes import interrupted
 from armguard.recording.frames import Frame, Kind, frame_of
 from armguard.scene import compile_scene
@@ -52,6 +54,9 @@ STALE = 0.07
 
 # Time for which the delay is measured [s].
 MEASURED = 0.5
+
+# Reason of cycles before the first cells of sensors have come.
+CELLS_STALE = int(Reason.CELLS_STALE)
 
 # Time until the first sentence on the waiting [s]; until each further one, it doubles.
 SAYS = 5.0
@@ -246,24 +251,29 @@ def watch(
 ) -> None:
     """Follow the frames of the guard, until time is up or an interrupt.
 
-    Time counts from the first cycle.
+    Time counts from the first cycle, of a scene with sensors from the first one that
+    has their cells.
 
     Raises:
         StationError: The service has ended.
     """
     reader = stage.frames()
-    start = None
+    start, waits = None, True
     page = "view" in stage.crew
     with Live(console=out, refresh_per_second=LOOKS, transient=True) as live:
         while not ended.wait(1.0 / LOOKS):
             for row in reader.unread():
                 frame = frame_of(row)
                 if frame.kind is Kind.CYCLE:
-                    reporter.add(frame, live.console)
+                    waits = waits and frame.verdict[IN_HEADER.reason] == CELLS_STALE
+                    if not waits:
+                        reporter.add(frame, live.console)
             stage.check()
             page = page and page_lives(stage)
             if tally.verdict is None:
-                live.update(Text("waiting for the arms and their operator ..."))
+                live.update(
+                    Text("waiting for the arms, their operator and sensors ...")
+                )
                 continue
             start = start or time.monotonic()
             so_far = time.monotonic() - start

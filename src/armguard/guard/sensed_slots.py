@@ -1,0 +1,111 @@
+"""Pairs of a primitive and a slot: a box of cells, or a half-space for many boxes."""
+
+from armguard.guard.judged_pair import judge_pair
+from armguard.guard.needs import robot_of, static_need
+from armguard.guard.search_distance import pair_look, way_until_look
+from armguard.guard.sensed import Demand
+from armguard.guard.sensed_boxes import BY_PLANE, is_coarse, slot_of_box
+from armguard.guard.sensed_planes import list_box, nearest_open, slot_of_nearest
+from armguard.guard.sensed_search import count_work
+from armguard.guard.watch import Watch
+from armguard.guard.workspace import Workspace
+from armguard.kernel import kernel
+
+# Work of judging a box as a pair: the look, and the measurement, see `count_work`.
+LOOKED_AT, MEASURED = 25, 90
+
+
+@kernel
+def note_demand(r: int, out: Demand, v: Watch) -> None:
+    """Note what a robot must do."""
+    out.must, out.cause, out.time_left = v.must[r], v.cause[r], v.time_left[r]
+
+
+@kernel
+def restore_demand(r: int, before: Demand, v: Watch) -> None:
+    """Take back what was demanded of a robot since `note_demand`."""
+    v.must[r], v.cause[r], v.time_left[r] = before.must, before.cause, before.time_left
+
+
+@kernel(inline=False)
+def judge_box(count: int, w: Workspace) -> int:
+    """Judge the box in its slot, or in a free one; or list it, to be judged by planes.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    if s.search.level == BY_PLANE:
+        list_box(s)
+        return count
+    free = int(s.slots[s.search.kind, 0]) + s.about.used
+    return judge_slot(slot_of_box(free, w), free, count, w)
+
+
+@kernel(inline=False)
+def judge_whole(count: int, w: Workspace) -> int:
+    """Judge the box, unless it is too coarse: as a box it is near a robot's stop.
+
+    Returns:
+        New count of rows, -1 if the box is to be divided. Nothing of it is left then.
+    """
+    s, v = w.sensed, w.watch
+    if is_coarse(s):
+        return -1
+    r, notes, used = robot_of(s.search.primitive, v), v.judged_count[0], s.about.used
+    note_demand(r, s.demand, v)
+    found = judge_box(count, w)
+    if found == count or w.near[count].headroom >= w.settings.margin:
+        return found
+    restore_demand(r, s.demand, v)
+    v.judged_count[0], s.about.used = notes, used
+    return -1
+
+
+@kernel(inline=False)
+def judge_by_planes(count: int, w: Workspace) -> int:
+    """Judge the listed boxes, those behind a plane as one half-space.
+
+    Returns:
+        New count of rows.
+    """
+    s = w.sensed
+    nearest = nearest_open(s)
+    while nearest >= 0 and s.about.spent == 0:
+        free = int(s.slots[s.search.kind, 0]) + s.about.used
+        count = judge_slot(slot_of_nearest(nearest, free, w), free, count, w)
+        count_work(s.about.listed, s)
+        nearest = nearest_open(s)
+    return count
+
+
+@kernel(inline=False)
+def judge_slot(j: int, free: int, count: int, w: Workspace) -> int:
+    """Judge the pair of the primitive and a slot.
+
+    Args:
+        j: The slot.
+        free: First slot that was not in use.
+        count: Count of rows of the answer.
+        w: The workspace.
+
+    Returns:
+        New count of rows.
+    """
+    s, v, m = w.sensed, w.watch, w.motion
+    i = s.search.primitive
+    if j == s.slots[s.search.kind, 1]:
+        s.about.spent = 1
+        return count
+    need = static_need(i, j, w, v, m) + way_until_look(j, v, m)
+    need, look, known = pair_look(i, j, need, w)
+    count_work(LOOKED_AT, s)
+    if look < 0.0:
+        w.header.pairs_filtered += 1.0
+        return count
+    count_work(MEASURED, s)
+    before = count
+    count = judge_pair(i, j, need, look, known, count, w)
+    if count > before and j == free:
+        s.about.used += 1
+    return count
