@@ -14,6 +14,7 @@ from typing import Any
 from pages import DOCS, rendered
 from sensing import distances, rates
 from sensing.images import recorded, room
+from speed import sense
 from timing import describe_machine, version_of
 
 RESULTS = DOCS / "sensing.json"
@@ -30,6 +31,7 @@ def measured(folders: list[str]) -> dict[str, Any]:
         "peers": {name: version_of(name) for name in PEERS},
         "rates": rates.measure(images),
         "distances": distances.measure(images),
+        "frames": sense.bench(sense.CYCLES, lambda sentence: None),
     }
     if found["peers"]["octomap-python"] is None:
         print(rates.PEER_MISSING, file=sys.stderr)
