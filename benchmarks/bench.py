@@ -34,6 +34,7 @@ NAMES = (
     "index",
     "memory",
     "sensed",
+    "sense",
     "distance",
     "scale",
 )

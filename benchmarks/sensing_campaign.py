@@ -2,6 +2,7 @@
 
 make sensing ARGS=FOLDER    with the recorded images of a folder, see `sensing.images`
 make sensing                with computed images alone
+make sensing ARGS=--own     what needs no image and no peer, into the last results
 make sensing ARGS=--page    the page from the last results
 make sensing ARGS=--json    figures of computed images to standard output
 """
@@ -14,6 +15,7 @@ from typing import Any
 from pages import DOCS, rendered
 from sensing import distances, rates
 from sensing.images import recorded, room
+from speed import sense
 from timing import describe_machine, version_of
 
 RESULTS = DOCS / "sensing.json"
@@ -30,9 +32,23 @@ def measured(folders: list[str]) -> dict[str, Any]:
         "peers": {name: version_of(name) for name in PEERS},
         "rates": rates.measure(images),
         "distances": distances.measure(images),
+        "frames": frames(),
     }
     if found["peers"]["octomap-python"] is None:
         print(rates.PEER_MISSING, file=sys.stderr)
+    return found
+
+
+def frames() -> dict[str, Any]:
+    """Whole frames of sensors."""
+    return sense.bench(sense.CYCLES, lambda sentence: None)
+
+
+def measured_again() -> dict[str, Any]:
+    """The last figures, with new ones of all that needs no image and no peer."""
+    found: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
+    found["rates"] |= rates.own_figures()
+    found["frames"] = frames()
     return found
 
 
@@ -43,7 +59,8 @@ def main() -> None:
         print(json.dumps(measured(folders), indent=1))
         return
     if "--page" not in sys.argv:
-        text = json.dumps(measured(folders), indent=1)
+        found = measured_again() if "--own" in sys.argv else measured(folders)
+        text = json.dumps(found, indent=1)
         RESULTS.write_text(text + "\n", encoding="utf-8")
     figures = json.loads(RESULTS.read_text(encoding="utf-8"))
     (DOCS / "sensing.md").write_text(rendered("sensing", **figures), encoding="utf-8")

@@ -169,8 +169,12 @@ def measure(images: list[DepthImage]) -> dict[str, Any]:
             row["wrong"] = wrongly_free(image, cell)
             row["octomap_ms"] = {s: peer_frame(image, cell, s) for s in PEER_SETTINGS}
             rows.append(row)
+    return {"images": rows, **own_figures()}
+
+
+def own_figures() -> dict[str, Any]:
+    """Times of zones, of masks and of arrival times."""
     return {
-        "images": rows,
         "zones": {str(reach): zone_rate(reach) for reach in (0.4, 1.0)},
         "own_links": own_links(),
         "arrivals_ms": arrivals(),

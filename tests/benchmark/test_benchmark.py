@@ -12,7 +12,7 @@ from armguard.respond import Guard
 from armguard.scene import bay_scene, bay_task
 from bench import print_result, run
 from peers import available_peers, checked_pairs
-from speed import sensed
+from speed import sense, sensed
 from speed.cycle import near_of
 from speed.memory import drift
 from speed.robots import SHELF, shelf
@@ -114,3 +114,14 @@ def test_the_benchmark_of_cells_measures_what_it_says(monkeypatch):
     assert answer["around"]["cells"] > 1e5
     assert answer["around"]["at rest"] < 0.5
     assert answer["without"]["median_us"] > 0.0
+
+
+def test_the_benchmark_of_sensors_measures_whole_frames(monkeypatch):
+    monkeypatch.setattr(sense, "CELLS", (0.02,))
+    monkeypatch.setattr(sense, "LEFT_OUT", 2)
+    answer = run("sense", cycles=3)["20 mm"]
+    assert 2 <= answer["camera"]["count"] <= 4
+    assert answer["zones"]["count"] >= 2 * 24
+    assert 0.0 < answer["zones"]["median_ms"] < answer["camera"]["median_ms"]
+    assert answer["occupied_cells"] > 100
+    assert 0.0 < answer["share_of_a_core"]

@@ -183,3 +183,19 @@ def test_only_a_map_with_an_intruder_forgets():
         ag.CellMap((0, 0, 0), CELL, SIDE).expire(0.0)
     with pytest.raises(CellMapError, match="stamp is nan"):
         ag.CellMap((0, 0, 0), CELL, SIDE, intruder_speed=1.0).expire(np.nan)
+
+
+@pytest.mark.parametrize("way", ["restore", "apply"])
+def test_free_space_of_another_map_is_forgotten_as_well(way):
+    first = ag.CellMap((0, 0, 0), CELL, SIDE, intruder_speed=1.6)
+    second = ag.CellMap((0, 0, 0), CELL, SIDE, intruder_speed=1.6)
+    see(first, np.ones((BLOCKS,) * 3, dtype=bool), 0.0)
+    # The other map is unknown, and has nothing to forget.
+    second.expire(0.0)
+    if way == "restore":
+        second.restore(first.checkpoint())
+    else:
+        second.apply(first.take_deltas(1 << 20))
+    assert second.known_free().all()
+    second.expire(10.0)
+    assert not second.known_free().any()

@@ -137,3 +137,23 @@ def test_a_link_outside_the_cube_masks_nothing():
     cells = ag.CellMap((0, 0, 0), CELL, SIDE)
     cells.own([(ag.Sphere(radius=0.2), ag.Pose(xyz=(2, 0, 0)))], shell=0.1)
     assert not any(mask.any() for mask in masks_of(cells))
+
+
+def test_kept_cells_are_left_out_beyond_the_reach_of_a_frame():
+    rng = np.random.default_rng(21)
+    cells = ag.CellMap((0, 0, 0), CELL, SIDE)
+    wall = (ag.Box(size=(1.2, 1.2, 0.1)), random_pose(rng, 0.2))
+    cells.own([wall], shell=0.02)
+    kept = cells.masked()
+    whole = np.logical_or(*masks_of(cells))
+    none = np.zeros(0, dtype=np.int32), np.zeros((0, 16)), np.zeros((0, 2))
+    middles, near = cells.middles(GRID.reshape(-1, 3)), 0
+    for reach in (0.0, 0.2, 0.4):
+        middle = rng.uniform(-0.4, 0.4, 3)
+        cells.mask_near(*none, kept, middle, reach)
+        _, shell = masks_of(cells)
+        within = np.linalg.norm(middles - middle, axis=1).reshape(shell.shape) <= reach
+        np.testing.assert_array_equal(shell[within], whole[within])
+        assert not (shell & ~whole).any()
+        near += shell.sum()
+    assert 0 < near < 3 * whole.sum()

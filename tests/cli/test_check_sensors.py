@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armguard.cli import sensors
 from armguard.cli.sensors import allowed_speed, sensor_findings
 from armguard.scene.sensing import IntruderSettings
 from armguard.sense.view import View
@@ -75,3 +76,12 @@ def test_findings_of_sparse_sensors_and_of_signals():
     assert View(dark, 0.05).reach == pytest.approx(
         np.sqrt(0.02 * 0.25 * 0.001 * np.cos(0.5) / 0.0003) - 0.01
     )
+
+
+@pytest.mark.parametrize(("share", "status"), [(0.8, "PASS"), (0.81, "WARN")])
+def test_sensors_that_take_too_much_of_a_core_are_a_warning(share, status, monkeypatch):
+    monkeypatch.setattr(sensors, "measured_share", lambda scene: share)
+    first = next(sensor_findings(sensed_bay()))
+    assert first.status == status
+    assert f"take {share:.0%} of a core" in first.sentence
+    assert bool(first.remedy) == (status == "WARN")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from armguard.cells.carve import carve
 from armguard.cells.clearing import pass_occupied, pass_only_occupied
 from armguard.cells.given import (
+    Shot,
     camera_of,
     check_frame,
     check_size,
@@ -123,23 +124,42 @@ class CellMap(SettledCells):
         T = checked_pose("T_world_camera", T_world_camera)
         focals, middle = camera_of(focal, centre)
         check_frame(stamp, reach, error)
-        depths = depths_of(image)
+        shot = Shot(
+            T[:3, :3], T[:3, 3], focals, middle, reach, depths_of(image),
+            None if freeing is None else depths_of(freeing),
+            None if clearing is None else depths_of(clearing),
+        )  # fmt: skip
+        self.take(shot, float(stamp), single=single, error=error, source=source)
+
+    def take(
+        self, shot: Shot, stamp: float, *, single: bool, error: float, source: int
+    ) -> None:
+        """Take a depth image as `depth` does; no argument is checked.
+
+        Args:
+            shot: The image with its camera.
+            stamp: See `depth`, from here on.
+            single: Whether one pixel in a cell is a hit.
+            error: Greatest error of the pose [m].
+            source: Number of the sensor.
+        """
+        hits, lines = shot.hits, self._frame.lines
+        free = hits if shot.freeing is None else shot.freeing
         camera: Any = self._look.camera
-        camera["axes"], camera["origin"] = T[:3, :3].T, T[:3, 3]
-        camera["reach"] = reach
-        free = depths if freeing is None else depths_of(freeing)
+        camera["axes"], camera["origin"] = shot.R.T, shot.origin
+        camera["reach"] = shot.reach
         # Middles of pixels have whole numbers, so the image's corner is at -0.5.
-        scale = np.array(free.shape[::-1]) / np.array(depths.shape[::-1])
-        camera["focal"] = scale * focals
-        camera["centre"] = scale * (np.array(middle) + 0.5) - 0.5
-        pyramid, lines = self._room_for(free.shape), self._frame.lines
+        scale = np.array(free.shape[::-1]) / np.array(hits.shape[::-1])
+        camera["focal"] = scale * shot.focal
+        camera["centre"] = scale * (np.array(shot.centre) + 0.5) - 0.5
+        pyramid = self._room_for(free.shape)
         fill_pyramid(free.reshape(-1), pyramid.lines)
         carve(pyramid.lines, lines)
-        camera["focal"], camera["centre"] = focals, middle
-        pyramid = self._room_for(depths.shape)
-        hit_pixels(depths.reshape(-1), single, pyramid.lines, lines)
-        if clearing is not None:
-            past = depths_of(clearing)
+        camera["focal"], camera["centre"] = shot.focal, shot.centre
+        pyramid = self._room_for(hits.shape)
+        hit_pixels(hits.reshape(-1), single, pyramid.lines, lines)
+        if shot.clearing is not None:
+            past = shot.clearing
             pass_occupied(len(past), past.reshape(-1), self._claims.lines, lines)
         self._settle(stamp, error, source)
 

@@ -1,6 +1,7 @@
 """Arguments of maps of cells as numbers."""
 
 from math import inf, isfinite
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +11,31 @@ from armguard.errors import CellMapError
 from armguard.geometry.pose import Pose, check_transform, transform_of
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+
+class Shot(NamedTuple):
+    """A depth image with its camera.
+
+    Attributes:
+        R: Axes of the camera in the world, by columns, shape (3, 3).
+        origin: Its place, world, shape (3,) [m].
+        focal: Focal lengths along columns and rows [pixels].
+        centre: Column and row of the principal point [pixels].
+        reach: Depth up to which space is freed [m].
+        hits: Depths that hit, shape (rows, columns) [m].
+        freeing: Depths by which space is freed; None for those that hit [m].
+        clearing: Depths by which occupied cells are passed; None for none [m].
+    """
+
+    R: Floats
+    origin: Floats
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    reach: float
+    hits: Singles
+    freeing: Singles | None
+    clearing: Singles | None
 
 
 def pair_of(name: str, given: float | tuple[float, float]) -> tuple[float, float]:

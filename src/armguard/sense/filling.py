@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.cells.cell_map import CellMap
+from armguard.cells.given import Shot
 from armguard.guard.monitor import Monitor
 from armguard.sense.capacitive import Capacitive
 from armguard.sense.frames import BadFrameError, Frame, Intake, Points, Signal
@@ -153,15 +154,15 @@ class Filling:
         if trusted and not beam:
             self.missing.look(view, frame, prediction, taken)
         self._mask(view, now)
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = mount.R, mount.origin
         if not trusted:
             through[:] = np.nan
-        self._cells.depth(
-            hits, T, view.sensor.focal, view.sensor.middle,
-            taken - view.sensor.jitter,
-            reach=view.reach, single=not view.sensor.image,
-            freeing=view.freeing(through), clearing=through,
+        sensor = view.sensor
+        shot = Shot(
+            mount.R, mount.origin, sensor.focal, sensor.middle, view.reach, hits,
+            view.freeing(through), through,
+        )  # fmt: skip
+        self._cells.take(
+            shot, taken - sensor.jitter, single=not sensor.image,
             error=self._error(view, mount), source=station.number,
         )  # fmt: skip
         return trusted

@@ -196,6 +196,7 @@ class FrameTests:
 
     def __init__(self, view: View, health: SensorHealth) -> None:
         self._view, self._health = view, health
+        self._cone = view.predicted(view.cone)
         self._last, self._repeated, self._blind = np.zeros(0), False, 0
         zones = len(view.places[0])
         self._values, self._run = np.full(zones, np.nan), np.zeros(zones, np.int64)
@@ -209,7 +210,7 @@ class FrameTests:
             # Of most frames the first row already differs.
             and values[:1].tobytes() == self._last[:1].tobytes()
             and np.array_equal(values.view(np.int64), self._last.view(np.int64))
-            and np.isfinite(values).sum() >= LEAST_REPEATED
+            and np.count_nonzero(np.isfinite(values)) >= LEAST_REPEATED
         )
         if same and self._repeated:
             self._health.sign(Fault.REPEATED, now)
@@ -252,14 +253,14 @@ class FrameTests:
     def _valid(self, frame: Frame, depth: Floats, prediction: Prediction) -> float:
         """Share of the zones that see a known surface and are valid; of all else."""
         least, greatest = self._view.sensor.range
-        within = self._view.predicted(self._view.cone)
-        sees = within & (prediction.near > least) & (prediction.far < 0.8 * greatest)
-        if sees.sum() >= max(4, 0.05 * len(depth)):
-            return float(np.isfinite(depth[sees]).mean())
+        near, far = prediction.near, prediction.far
+        sees = self._cone & (near > least) & (far < 0.8 * greatest)
+        if (count := np.count_nonzero(sees)) >= max(4, 0.05 * len(depth)):
+            return np.count_nonzero(sees & ~np.isnan(depth)) / count
         if self._view.sensor.image:
             return 1.0
-        says = np.isfinite(frame.depth) | frame.nothing
-        return float(says[self._view.cone].mean())
+        says = (~np.isnan(frame.depth) | frame.nothing) & self._view.cone
+        return np.count_nonzero(says) / np.count_nonzero(self._view.cone)
 
     def _test_blind(self, valid: float, now: float) -> None:
         self._blind = 0 if valid >= LEAST_VALID else self._blind + 1
@@ -287,9 +288,8 @@ class FrameTests:
         self, depth: Floats, foreign: Bools, mount: Mount, now: float
     ) -> None:
         nearer = foreign & (depth < DIRTY_NEAR)
-        other = np.where(np.isnan(depth), np.nan, np.inf)
-        near = Near(now, np.where(nearer, depth, other), int(nearer.sum()), mount)
-        self._window.append(near)
+        seen = np.where(nearer | np.isnan(depth), depth, np.inf)
+        self._window.append(Near(now, seen, int(np.count_nonzero(nearer)), mount))
         while now - self._window[0].taken > DIRTY_TIME:
             self._window.popleft()
         # Each zone that is dirty is near in most frames.
@@ -303,9 +303,9 @@ class FrameTests:
         if way < DIRTY_WAY and turn < DIRTY_TURN:
             return
         slack = self._view.slack(np.nan_to_num(depth))
-        seen = np.array([one.depth for one in self._window])
-        valid = np.isfinite(seen).mean(axis=0) > LEAST_VALID
-        low, high = np.fmin.reduce(seen), np.fmax.reduce(seen)
+        all_seen = np.array([one.depth for one in self._window])
+        valid = np.isfinite(all_seen).mean(axis=0) > LEAST_VALID
+        low, high = np.fmin.reduce(all_seen), np.fmax.reduce(all_seen)
         dirty = valid & (high < DIRTY_NEAR) & (high < low + slack)
         if dirty.sum() >= DIRTY_ZONES:
             self._health.sign(Fault.DIRTY, now, zones_in_words(dirty))
