@@ -44,7 +44,8 @@ class Motion(IntEnum):
     """Class of the occupied cells of a word.
 
     STILL cells were there when space was first looked at, or have been seen since.
-    MOVING cells appeared where space was known free.
+    MOVING cells appeared where space was known free. Cells at the edge of a body that
+    come and go are no new ones.
     """
 
     STILL = 0
@@ -116,8 +117,9 @@ class Claims(NamedTuple):
         lattice: Place of the cells.
         occupied: Occupied cells.
         unknown: Cells that no sensor has seen, free or occupied.
-        stamp: Time at or after which every claim of a word was looked at, minus
-            infinity for a word without a claim, shape (words,) [s].
+        stamp: Time at or after which every occupied cell of a word was looked at, or
+            every claim of a word without occupied cells; minus infinity for a word
+            without a claim, shape (words,) [s].
         error: Greatest error of the poses from which it was looked at, shape
             (words,) [m].
         motion: `Motion` of the occupied cells of each word, shape (words,).
@@ -146,6 +148,8 @@ class Evidence(NamedTuple):
         fours: Plane 2.
         appeared: Last time at which a cell of a word became occupied where space was
             known free, shape (words,) [s].
+        recent: Cells of a word that were occupied since it was empty for some time.
+        occupied_at: Last time at which a word had occupied cells, shape (words,) [s].
         arrival: Time before which nothing can be in a block of 8³ cells, by rows along
             x, then y, then z, shape (words / 8,); empty without an intruder [s].
         waiting: Two rings of words that wait to be sent, of which the first one has
@@ -159,6 +163,8 @@ class Evidence(NamedTuple):
     twos: Words
     fours: Words
     appeared: Vector
+    recent: Words
+    occupied_at: Vector
     arrival: Vector
     waiting: IntVector
     ends: LongVector
@@ -262,6 +268,8 @@ def empty_evidence(words: int, blocks: int) -> Evidence:
         ones,
         twos,
         fours,
+        np.full(words, -inf),
+        np.zeros(words, dtype=np.uint64),
         np.full(words, -inf),
         np.full(blocks, -inf),
         np.zeros(2 * words, dtype=np.int32),
