@@ -73,3 +73,14 @@ def test_the_stamp_of_a_word_is_that_of_its_occupied_cells(cells):
     assert cells.claims.stamp[word] == 0.5
     feed(cells, grid(*BODY[:2]), grid(EDGE), 0.6)
     assert cells.claims.stamp[word] == 0.5
+
+
+def test_what_appears_is_as_old_as_its_own_last_look_beside_a_hidden_body(cells):
+    # The body is hidden from here on.
+    (word,) = np.flatnonzero(cells.claims.occupied.words)
+    feed(cells, grid(FREE), grid(EDGE), 0.5)
+    assert (motion(cells), cells.claims.stamp[word]) == (Motion.MOVING, 0.5)
+    feed(cells, grid(FREE), grid(EDGE), 0.6)
+    assert (motion(cells), cells.claims.stamp[word]) == (Motion.MOVING, 0.6)
+    feed(cells, grid(), grid(EDGE), 0.7)
+    assert (motion(cells), cells.claims.stamp[word]) == (Motion.MOVING, 0.6)

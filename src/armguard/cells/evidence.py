@@ -108,9 +108,12 @@ def settle_word(
     appeared = new & ~unknown_before
     returned = appeared & recent_of(word, stamp, settles, occupied, evidence)
     if appeared != returned:
+        before = NONE if motion == STILL else evidence.moving[word]
+        evidence.moving[word] = before | appeared
         motion = MOVING
         evidence.appeared[word] = stamp
     elif returned != 0 and stamp - evidence.appeared[word] < settles:
+        evidence.moving[word] |= returned
         motion = MOVING
     elif occupied == 0 or (hit != 0 and stamp - evidence.appeared[word] >= settles):
         motion = STILL
@@ -121,8 +124,9 @@ def settle_word(
         at = min(out.stamp[word], stamp)
         farthest = max(out.error[word], np.float32(error))
         origin = common_source(int(out.source[word]), source)
-        if occupied != 0 and occupied & ~looked == 0:
-            # Only of occupied cells does it matter when they were seen.
+        aged = occupied if motion == STILL else occupied & evidence.moving[word]
+        if occupied != 0 and aged & ~looked == 0:
+            # It matters of no other cells when they were seen.
             at = stamp
     # Of a word without occupied cells the time of the look matters to no reader, and of
     # one that is wholly free its error neither: most words of most frames.

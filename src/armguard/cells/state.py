@@ -117,9 +117,9 @@ class Claims(NamedTuple):
         lattice: Place of the cells.
         occupied: Occupied cells.
         unknown: Cells that no sensor has seen, free or occupied.
-        stamp: Time at or after which every occupied cell of a word was looked at, or
-            every claim of a word without occupied cells; minus infinity for a word
-            without a claim, shape (words,) [s].
+        stamp: Time at or after which every occupied cell of a word was looked at, of a
+            MOVING word every cell that has appeared, of one without occupied cells
+            every claim; minus infinity without a claim, shape (words,) [s].
         error: Greatest error of the poses from which it was looked at, shape
             (words,) [m].
         motion: `Motion` of the occupied cells of each word, shape (words,).
@@ -149,6 +149,7 @@ class Evidence(NamedTuple):
         appeared: Last time at which a cell of a word became occupied where space was
             known free, shape (words,) [s].
         recent: Cells of a word that were occupied since it was empty for some time.
+        moving: Cells that have appeared since a word became MOVING.
         occupied_at: Last time at which a word had occupied cells, shape (words,) [s].
         arrival: Time before which nothing can be in a block of 8³ cells, by rows along
             x, then y, then z, shape (words / 8,); empty without an intruder [s].
@@ -164,6 +165,7 @@ class Evidence(NamedTuple):
     fours: Words
     appeared: Vector
     recent: Words
+    moving: Words
     occupied_at: Vector
     arrival: Vector
     waiting: IntVector
@@ -269,6 +271,7 @@ def empty_evidence(words: int, blocks: int) -> Evidence:
         twos,
         fours,
         np.full(words, -inf),
+        np.zeros(words, dtype=np.uint64),
         np.zeros(words, dtype=np.uint64),
         np.full(words, -inf),
         np.full(blocks, -inf),
