@@ -5,6 +5,9 @@ import pytest
 
 import armguard as ag
 from armguard.sense import Fault
+from armguard.sense.health import FrameTests, SensorHealth
+from armguard.sense.prediction import Mount
+from armguard.sense.view import View
 from armguard.simulation.sensed import drive, sensed_bay, swing
 from armguard.simulation.sensors import Rig, mounted
 
@@ -195,3 +198,18 @@ def test_noise_in_place_of_frames_is_counted_and_raises_nothing():
     assert sum(sense.intakes.values()) == 2 * count + 2
     for intake in (ag.Intake.UNKNOWN_SENSOR, ag.Intake.WRONG_SIZE, ag.Intake.NO_STAMP):
         assert sense.intakes[intake] > 20
+
+
+@pytest.mark.parametrize(("axis", "faults"), [(0, set()), (2, {Fault.DIRTY})])
+def test_zones_that_move_beside_a_surface_are_not_dirty(axis, faults):
+    # All zones have the same near distance while the sensor moves across its axis, or
+    # along it.
+    sensor = sensed_bay(camera=False).sensors[NAME]
+    health, view = SensorHealth(sensor), View(sensor, 0.05, 0.025)
+    tests, depth = FrameTests(view, health), np.full(64, 0.2)
+    for k in range(12):
+        origin = 0.2 * k / 15 * np.eye(3)[axis]
+        mount = Mount(np.eye(3), origin, 0.0, 0.0)
+        tests._test_dirty(depth, np.ones(64, dtype=bool), mount, k / 15)
+    assert set(health.faults) == faults
+    assert not health.misled

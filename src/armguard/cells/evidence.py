@@ -56,6 +56,31 @@ def common_source(one: int, other: int) -> int:
 
 
 @kernel
+def recent_of(
+    word: int, stamp: float, settles: float, occupied: np.uint64, out: Evidence
+) -> np.uint64:
+    """Cells of a word that were occupied before this frame; those of now are added.
+
+    At the edge of a body that stands still noise hits cells in one frame, and passes
+    them in another one; so do a sensor with wide zones and a camera.
+
+    Args:
+        word: The word.
+        stamp: Time of the frame [s].
+        settles: See `settle`; a word that was empty for twice that time forgets.
+        occupied: Its occupied cells after the frame.
+        out: Evidence.
+    """
+    if stamp - out.occupied_at[word] > 2.0 * settles:
+        out.recent[word] = NONE
+    before: np.uint64 = out.recent[word]
+    if occupied != 0:
+        out.recent[word] = before | occupied
+        out.occupied_at[word] = stamp
+    return before
+
+
+@kernel
 def settle_word(
     word: int, stamp: float, error: float, settles: float, source: int,
     look: Look, evidence: Evidence, out: Claims,
@@ -82,9 +107,16 @@ def settle_word(
     unknown = unknown_before & ~(passed | occupied)
     new = occupied & ~occupied_before
     motion = int(out.motion[word])
-    if new & ~unknown_before != 0:
+    appeared = new & ~unknown_before
+    returned = appeared & recent_of(word, stamp, settles, occupied, evidence)
+    if appeared != returned:
+        before = NONE if motion == STILL else evidence.moving[word]
+        evidence.moving[word] = before | appeared
         motion = MOVING
         evidence.appeared[word] = stamp
+    elif returned != 0 and stamp - evidence.appeared[word] < settles:
+        evidence.moving[word] |= returned
+        motion = MOVING
     elif occupied == 0 or (hit != 0 and stamp - evidence.appeared[word] >= settles):
         motion = STILL
     if looked & ~unknown == ~unknown:
@@ -94,6 +126,10 @@ def settle_word(
         at = min(out.stamp[word], stamp)
         farthest = max(out.error[word], np.float32(error))
         origin = common_source(int(out.source[word]), source)
+        aged = occupied if motion == STILL else occupied & evidence.moving[word]
+        if occupied != 0 and aged & ~looked == 0:
+            # It matters of no other cells when they were seen.
+            at = stamp
     # Of a word without occupied cells the time of the look matters to no reader, and of
     # one that is wholly free its error neither: most words of most frames.
     changed = occupied != occupied_before or unknown != unknown_before

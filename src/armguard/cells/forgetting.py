@@ -46,7 +46,8 @@ def forget_cells(
 ) -> None:  # fmt: skip
     """Forget the known free cells that a ball may touch.
 
-    Words that were seen later keep what they have, and occupied cells stay.
+    Words without occupied cells that were seen later keep what they have, and occupied
+    cells stay.
 
     Args:
         ball: Middle of the ball, world, shape (3,) [m].
@@ -71,7 +72,9 @@ def forget_cells(
         for y in range(y0, min(y0 + count, sides)):
             for x in range(x0, min(x0 + count, sides)):
                 word = word_at(x, y, z, lattice.blocks)
-                if claims.stamp[word] > stamp:
+                # The stamp of a word with occupied cells is theirs.
+                free = claims.occupied.words[word] == 0
+                if free and claims.stamp[word] > stamp:
                     continue
                 corner = corner_of((x, y, z), WORD_SIDE, lattice)
                 lost = cells_in_ball(corner, lattice.cell, middle, radius)

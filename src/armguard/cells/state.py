@@ -47,7 +47,8 @@ class Motion(IntEnum):
     """Class of the occupied cells of a word.
 
     STILL cells were there when space was first looked at, or have been seen since.
-    MOVING cells appeared where space was known free.
+    MOVING cells appeared where space was known free. Cells at the edge of a body that
+    come and go are no new ones.
     """
 
     STILL = 0
@@ -119,8 +120,9 @@ class Claims(NamedTuple):
         lattice: Place of the cells.
         occupied: Occupied cells.
         unknown: Cells that no sensor has seen, free or occupied.
-        stamp: Time at or after which every claim of a word was looked at, minus
-            infinity for a word without a claim, shape (words,) [s].
+        stamp: Time at or after which every occupied cell of a word was looked at, of a
+            MOVING word every cell that has appeared, of one without occupied cells
+            every claim; minus infinity without a claim, shape (words,) [s].
         error: Greatest error of the poses from which it was looked at, shape
             (words,) [m].
         motion: `Motion` of the occupied cells of each word, shape (words,).
@@ -149,6 +151,9 @@ class Evidence(NamedTuple):
         fours: Plane 2.
         appeared: Last time at which a cell of a word became occupied where space was
             known free, shape (words,) [s].
+        recent: Cells of a word that were occupied since it was empty for some time.
+        moving: Cells that have appeared since a word became MOVING.
+        occupied_at: Last time at which a word had occupied cells, shape (words,) [s].
         arrival: Time before which nothing can be in a block of 8³ cells, by rows along
             x, then y, then z, shape (words / 8,); empty without an intruder [s].
         waiting: Two rings of words that wait to be sent, of which the first one has
@@ -162,6 +167,9 @@ class Evidence(NamedTuple):
     twos: Words
     fours: Words
     appeared: Vector
+    recent: Words
+    moving: Words
+    occupied_at: Vector
     arrival: Vector
     waiting: IntVector
     ends: LongVector
@@ -270,6 +278,9 @@ def empty_evidence(words: int, blocks: int) -> Evidence:
         ones,
         twos,
         fours,
+        np.full(words, -inf),
+        np.zeros(words, dtype=np.uint64),
+        np.zeros(words, dtype=np.uint64),
         np.full(words, -inf),
         np.full(blocks, -inf),
         np.zeros(2 * words, dtype=np.int32),

@@ -65,6 +65,10 @@ class Fault(WithSentence):
 # Faults that only show while a sensor, or what it sees, moves.
 BY_MOTION = frozenset((Fault.STUCK, Fault.DIRTY, Fault.MOVED))
 
+# Of these, those in which a sensor may have looked past a body. A dirty zone sees too
+# near a distance, and frees no space beyond it.
+MISLEADING = BY_MOTION - {Fault.DIRTY}
+
 # Intakes that are signs of a fault.
 SIGNS = {
     Intake.WRONG_KIND: Fault.UNUSABLE,
@@ -135,7 +139,7 @@ class SensorHealth:
 
         Frames of other faults free nothing. These are found in motion alone.
         """
-        return not BY_MOTION.isdisjoint(self.faults)
+        return not MISLEADING.isdisjoint(self.faults)
 
     def sign(self, fault: Fault, now: float, detail: str = "") -> None:
         """A sign of a fault.
@@ -307,6 +311,9 @@ class FrameTests:
         valid = np.isfinite(all_seen).mean(axis=0) > LEAST_VALID
         low, high = np.fmin.reduce(all_seen), np.fmax.reduce(all_seen)
         dirty = valid & (high < DIRTY_NEAR) & (high < low + slack)
+        # A body beside which a sensor moves keeps its distance as well.
+        origins = np.array([one.mount.origin for one in self._window])
+        dirty &= np.ptp(origins @ mount.R[:, 2]) > 2.0 * slack
         if dirty.sum() >= DIRTY_ZONES:
             self._health.sign(Fault.DIRTY, now, zones_in_words(dirty))
 
