@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | sensing | sense-campaign | sensors-campaign | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | sensing | sense-campaign | sensors-campaign | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign sensing sense-campaign sensors-campaign attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign sensing sense-campaign sensors-campaign coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -104,6 +104,14 @@ sense-campaign: .venv/dev
 # Infrared sensors, capacitive pads, calibration of sensors; docs/sensors.json.
 sensors-campaign: .venv/dev
 	$(BIN)/python benchmarks/sensors_campaign.py $(ARGS)
+
+# Blind patches of links against MuJoCo's rays; writes docs/coverage.*.
+coverage: .venv/dev
+	$(BIN)/python benchmarks/coverage_campaign.py $(ARGS)
+
+# Planar arms follow unknown surfaces to their goals; writes docs/following.*.
+following: .venv/dev
+	$(BIN)/python benchmarks/following_campaign.py $(ARGS)
 
 # A hundred million cycles of one guard; count is in millions.
 soak: .venv/dev

@@ -244,7 +244,16 @@ def test_every_published_file_is_looked_through():
     docs = campaigns_due.DOCS
     # Proofs have no seeds, and rates of batches decide nothing. What is due of mutants
     # is listed by `make mutants ARGS=--due`.
-    others = {"allowed-pairs", "batch", "mutants", "sense", "sensing", "sensors"}
+    others = {
+        "allowed-pairs",
+        "batch",
+        "coverage",
+        "following",
+        "mutants",
+        "sense",
+        "sensing",
+        "sensors",
+    }
     names = {path.stem for path in docs.glob("*.json")} - others
     assert names <= set(campaigns_due.COMMANDS)
     assert all(len(row) == 4 for row in campaigns_due.due(docs))

@@ -19,6 +19,7 @@ from armguard.cli.console import (
     out,
     print_json,
 )
+from armguard.cli.coverage import coverage_findings, coverage_table, scene_coverage
 from armguard.cli.finding import Finding, Merged, merged, subject
 from armguard.cli.findings import (
     exact_overreach,
@@ -43,12 +44,13 @@ from armguard.scene import compile_scene, load_scene
 from armguard.scene.proposal import propose_allowed
 from armguard.scene.scene import Scene
 from armguard.scene.yaml_source import YamlSource, dotted
+from armguard.sense.coverage import Coverage
 
 # Styles of findings, in the order in which they are printed.
 STYLES = {"PASS": "blue", "WARN": "yellow", "FAIL": "bold magenta"}
 
 # Topics whose line is printed though it is a PASS.
-ALWAYS = ("claims", "reflex", "sensors")
+ALWAYS = ("claims", "coverage", "reflex", "sensors")
 
 
 def check(
@@ -96,6 +98,7 @@ def check(
     loaded: Scene | None = None
     findings, proposals, audits = [versions()], list[str](), list[RowAudit]()
     zones: list[ZoneProofs] | None = None
+    seen: Coverage | None = None
     try:
         with loading_bar() as progress:
             loaded = load_scene(scene, robot=robot, progress=progress)
@@ -110,6 +113,8 @@ def check(
             zones = prove_reflex(loaded, prove_seconds)
         findings += reflex_findings(loaded, scene, zones)
         findings += sensor_findings(loaded)
+        seen = scene_coverage(loaded)
+        findings += coverage_findings(seen)
         if propose:
             proposals = proposed_pairs(loaded, propose)
     if json:
@@ -122,6 +127,7 @@ def check(
                 "proposals": proposals,
                 "claims": claim_table(audits) if prove else None,
                 "zones": zone_table(zones) if zones is not None else None,
+                "coverage": coverage_table(seen),
             }
         )
     else:

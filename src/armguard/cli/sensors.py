@@ -1,7 +1,7 @@
 """Sensors in `armguard check`: rates, cost, and the speed that each one allows."""
 
 from collections.abc import Iterator
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from time import process_time
 
 import numpy as np
@@ -12,7 +12,7 @@ from armguard.errors import ArmguardError
 from armguard.scene.scene import Scene
 from armguard.scene.sensors import SceneSensor
 from armguard.sense import Sense
-from armguard.sense.view import View
+from armguard.sense.view import View, sure_reach
 
 # Frames of each sensor of which the cost is measured.
 FRAMES = 5
@@ -25,6 +25,10 @@ FLOOR = 0.03
 
 # Share of a core that sensors may take.
 MOST_SHARE = 0.8
+
+# Distances at which the smallest body that is surely seen is printed, and error of its
+# size [m].
+NEARER, SIZE_STEP = (0.1, 0.2, 0.5, 1.0, 2.0), 1e-3
 
 # Speed below which a sensor hardly lets an arm move [m/s].
 SLOW = 0.25
@@ -69,6 +73,7 @@ def sensor_findings(scene: Scene) -> Iterator[Finding]:
             for v, w in zip(allowed, sorted(speeds), strict=True)
         )
         seen = f"{space.intruder.size * 1e3:g} mm up to {view.reach:.2f} m"
+        seen += smallest_bodies(one, view.reach)
         fast = allowed[-1] >= SLOW
         yield Finding(
             "sensors",
@@ -78,6 +83,30 @@ def sensor_findings(scene: Scene) -> Iterator[Finding]:
             "" if fast else "add a sensor that sees farther, or a zone that is free",
             keys=keys,
         )
+
+
+def smallest_bodies(sensor: SceneSensor, reach: float) -> str:
+    """The smallest bodies that a sensor surely sees nearer than its reach [m]."""
+    places = (place for place in NEARER if place < reach)
+    said = [f"{size * 1e3:.0f} mm at {place:g} m" for place in places
+            if isfinite(size := smallest_body(sensor, place))]  # fmt: skip
+    return "".join(f", {one}" for one in said)
+
+
+def smallest_body(sensor: SceneSensor, distance: float) -> float:
+    """Diameter of the smallest body that is surely seen at a distance [m].
+
+    Infinite if none of a metre is.
+    """
+    low, high = 0.0, 1.0
+    if sure_reach(sensor, high) < distance:
+        return inf
+    while high - low > SIZE_STEP:
+        middle = 0.5 * (low + high)
+        low, high = (
+            (low, middle) if sure_reach(sensor, middle) >= distance else (middle, high)
+        )
+    return high
 
 
 def measured_share(scene: Scene) -> float:
