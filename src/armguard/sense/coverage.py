@@ -350,12 +350,11 @@ class Look:
         rows[:, 1:4], rows[:, 6] = 0.5 * (points[met] + origin), 0.5 * far[met]
         axes = side, np.cross(ways[met], side), ways[met]
         rows[:, 7:16] = np.stack(axes, axis=2).reshape(-1, 9)
-        which = np.zeros(len(rows), dtype=np.int32)
+        touched = np.zeros(len(rows), dtype=np.bool_)
         touching(
-            rows, self._kinds[others], self._rows[others], self._balls[others],
-            np.zeros((len(rows), int(others.sum()))), which,
-        )  # fmt: skip
-        met[met] = which >= 0
+            rows, self._kinds[others], self._rows[others], self._balls[others], touched
+        )
+        met[met] = touched
         return np.asarray(met)
 
     def _looks(self) -> tuple[Floats, Floats, Floats]:

@@ -16,8 +16,9 @@ from armguard.kernel import kernel
 
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
-SPHERE = int(ShapeKind.SPHERE)
+SPHERE, BOX = int(ShapeKind.SPHERE), int(ShapeKind.BOX)
 
 # A ray that comes this near to a surface is at it [m].
 AT_SURFACE = 1e-3
@@ -224,6 +225,31 @@ def over_zones(
                 error = max(error, errors[which])
         out[z, 0], out[z, 1] = near, far
         out[z, 2], out[z, 3] = first if same else -1.0, error
+
+
+@kernel(inline=False, entry=True)
+def touching(
+    boxes: Floats, kinds: Ints, rows: Floats, balls: Floats, out: Bools
+) -> None:
+    """Which of some boxes touch a primitive.
+
+    Args:
+        boxes: Rows of the boxes, shape (n, 16).
+        kinds: ShapeKind of each primitive, shape (p,).
+        rows: Their rows, shape (p, 16).
+        balls: Middle and radius of a ball about each, shape (p, 4) [m].
+        out: Whether each box does, overwritten, shape (n,).
+    """
+    found = numba.carray(stack(10), (10,), np.float64)
+    for n in range(boxes.shape[0]):
+        out[n] = False
+        middle = (boxes[n, 1], boxes[n, 2], boxes[n, 3])
+        radius = norm((boxes[n, 4], boxes[n, 5], boxes[n, 6])) + boxes[n, 0]
+        for i in range(kinds.shape[0]):
+            apart = norm(sub((balls[i, 0], balls[i, 1], balls[i, 2]), middle))
+            if apart <= radius + balls[i, 3] and not out[n]:
+                measure(BOX, boxes[n], kinds[i], rows[i], found)
+                out[n] = found[0] <= 0.0
 
 
 @kernel(inline=False, entry=True)
