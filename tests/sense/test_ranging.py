@@ -19,7 +19,11 @@ def primitives(rng, kinds=KINDS, count=24):
     shapes = [random_shape(rng, kind, 0.6) for kind in some]
     rows = np.array([shape_row(s, random_pose(rng, 1.0)) for s in shapes])
     numbers = np.array(some, dtype=np.int32)
-    return numbers, rows, balls_about(numbers, rows)
+    balls = balls_about(numbers, rows)
+    # Balls about bounding boxes are larger than spheres.
+    spheres = numbers == ShapeKind.SPHERE
+    balls[spheres, 3] = rows[spheres, 0]
+    return numbers, rows, balls
 
 
 def rim(rng, axis, half, count):
