@@ -172,7 +172,7 @@ class Sensed(NamedTuple):
         sources: Sensor from which the cells of each slot are, shape (slots,).
         coarse: How the cells near each robot are judged, see `judge_kind`, shape
             (robots,).
-        taken: Work on the cells near each robot, of the kind that is judged, shape
+        taken: Slots that each robot has taken, and its judged primitives, shape
             (robots,).
         before: Scratch: demands before the cells of a kind are judged, shape (robots,).
         demand: Scratch: that of a robot before a box is judged.

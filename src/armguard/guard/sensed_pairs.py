@@ -34,7 +34,6 @@ from armguard.guard.near_pairs import is_idle
 from armguard.guard.needs import robot_of
 from armguard.guard.sensed import CellKind, Sensed
 from armguard.guard.sensed_boxes import (
-    BY_PLANE,
     BY_WORD,
     box_cells,
     is_filled,
@@ -62,6 +61,9 @@ from armguard.lanes import lowest
 UNSEEN, KINDS = int(CellKind.UNSEEN), len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
+
+# How the cells near a robot are judged, beside by words and by planes: not at all.
+GIVEN_UP = 2
 
 # Cells of the first octant of a word, the edge of an octant [cells], and their count.
 OCTANT, OCTANT_SIDE, OCTANTS = np.uint64(0x330033), 2, 8
@@ -92,7 +94,8 @@ def judge_kind(kind: int, count: int, w: Workspace) -> int:
     """Judge the cells of a kind, near each robot as coarsely as the slots require.
 
     Where they do not suffice, half-spaces stand for the cells near the robot that has
-    taken most of them: cells that crowd one robot do not slow another one.
+    taken most of them, and if that is not enough, it stops: cells that crowd one robot
+    neither slow nor stop another one.
 
     Returns:
         New count of rows.
@@ -103,21 +106,18 @@ def judge_kind(kind: int, count: int, w: Workspace) -> int:
     for r in range(s.coarse.shape[0]):
         s.coarse[r] = BY_WORD
         note_demand(r, s.before[r], v)
-    crowded = 0
-    while crowded >= 0:
+    s.about.spent = 1
+    while s.about.spent != 0:
         v.judged_count[0] = notes
         for r in range(s.coarse.shape[0]):
             restore_demand(r, s.before[r], v)
         count = judge_all_near(first, w)
-        if s.about.spent == 0:
-            return count
-        crowded = most_crowded(s)
-        if crowded >= 0:
-            s.coarse[crowded] = BY_PLANE
-    for r in range(v.must.shape[0]):
-        demand_stop(r, CROWDED, v)
-    w.header.reason = CROWDED
-    v.judged_count[0] = TOO_MANY
+        if s.about.spent != 0:
+            s.coarse[most_crowded(s)] += 1
+    for r in range(s.coarse.shape[0]):
+        if s.coarse[r] == GIVEN_UP:
+            demand_stop(r, CROWDED, v)
+            v.judged_count[0] = TOO_MANY
     return count
 
 
@@ -133,21 +133,21 @@ def judge_all_near(count: int, w: Workspace) -> int:
     about.used = about.spent = about.work = 0
     s.taken[:] = 0
     for i in range(w.settings.moving_count):
-        checked = w.checked[w.groups[i], w.groups[slot]] != 0
-        if checked and about.spent == 0 and not is_idle(i, v.robot_of, w):
-            r, work = robot_of(i, v), about.work
+        r, used = robot_of(i, v), about.used
+        checked = w.checked[w.groups[i], w.groups[slot]] != 0 and about.spent == 0
+        if checked and s.coarse[r] != GIVEN_UP and not is_idle(i, v.robot_of, w):
             s.search.level = s.coarse[r]
             count = judge_near(i, count, w)
-            s.taken[r] += about.work - work
+            s.taken[r] += 1 + about.used - used
     return count
 
 
 @kernel
 def most_crowded(s: Sensed) -> int:
-    """Robot with most work among those that are judged by words, or -1."""
-    found = -1
+    """Robot with most slots among those whose cells were judged."""
+    found = 0
     for r in range(s.coarse.shape[0]):
-        if s.coarse[r] == BY_WORD and (found < 0 or s.taken[r] > s.taken[found]):
+        if s.taken[r] > s.taken[found]:
             found = r
     return found
 
