@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | sensing | sense-campaign | sensors-campaign | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | sensing | sense-campaign | freedom | sensors-campaign | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign sensing sense-campaign sensors-campaign coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign sensing sense-campaign freedom sensors-campaign coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -100,6 +100,10 @@ sensing: .venv/dev
 # Sensors in a simulated bay: what gets into the map, and how soon it goes; docs/sense.*.
 sense-campaign: .venv/dev
 	$(BIN)/python benchmarks/sense_campaign.py $(ARGS)
+
+# Motion among objects that are modelled, sensed, or known by OctoMap; docs/freedom.*.
+freedom: .venv/dev
+	$(BIN)/python benchmarks/freedom_campaign.py $(ARGS)
 
 # Infrared sensors, capacitive pads, calibration of sensors; docs/sensors.json.
 sensors-campaign: .venv/dev

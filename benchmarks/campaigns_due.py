@@ -20,6 +20,7 @@ COMMANDS = {
     "closed_loop": "make closed-loop",
     "gripping_campaign": 'make gripping ARGS="--kind PART"',
     "evading": 'make evading ARGS="--kind PART"',
+    "freedom": "make freedom ARGS=\"--kind 'PART'\"",
     "reach": "make reach",
     "map": "make map-campaign ARGS=\"--kind 'PART'\"",
     "verify": 'make verify-campaign ARGS="--kind PART"',

@@ -61,7 +61,7 @@ def recent_of(
 ) -> np.uint64:
     """Cells of a word that were occupied before this frame; those of now are added.
 
-    At the edge of a body that stands still noise hits cells in one frame, and passes
+    At the edge of a stationary body noise hits cells in one frame, and passes
     them in another one; so do a sensor with wide zones and a camera.
 
     Args:

@@ -41,6 +41,7 @@ STOPPING_STILL = int(Reason.STOPPING)
 AT_REST = int(Reason.RESTING)
 NOTHING_PROVEN = int(Reason.UNPROVEN)
 MOVED_AT_REST = int(Reason.MOVED_AT_REST)
+CROWDED = int(Reason.CROWDED)
 STOP_LAGS = int(Reason.STOP_LAGS)
 BRAKE_LAGS = int(Reason.BRAKE_LAGS)
 
@@ -119,6 +120,8 @@ def common_reason(worst: int, w: Workspace, v: Watch) -> int:
         # The cycle itself could not judge.
         return found
     if worst == RECOVER:
+        if found == CROWDED:
+            return found
         return NOTHING_PROVEN if is_unproven(w) else AT_REST
     if worst == STOP:
         if found >= TOO_CLOSE:

@@ -118,6 +118,7 @@ def judge_kind(kind: int, count: int, w: Workspace) -> int:
         if s.coarse[r] == GIVEN_UP:
             demand_stop(r, CROWDED, v)
             v.judged_count[0] = TOO_MANY
+            w.header.reason = CROWDED
     return count
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armguard.geometry.shapes import ShapeKind
-from armguard.guard import Level
+from armguard.guard import Level, Reason
 from armguard.guard.sensed import SLOTS, CellKind
 from sensed import PERIOD, changes, feed, sensed_guard
 
@@ -48,26 +48,40 @@ def judged(guard, unknown, stamp):
     return verdict
 
 
-@pytest.mark.parametrize("share", [1.0, 0.5])
-@pytest.mark.parametrize(("clear", "stops"), [(0.024, False), (0.003, True)])
-def test_an_arm_in_a_narrow_hole_of_unknown_space(guard, share, clear, stops):
+def hole(guard, clear):
+    """Cells whose every point is farther than `clear` from all links at home [m]."""
     apart = distances(guard, guard.home)
-    # Cells whose every point is farther than this from all links.
-    far = apart - 0.5 * np.sqrt(3.0) * CELL > clear
-    far &= np.random.default_rng(4).random(far.shape) < share
-    start = float(guard._sensed.table.about.stamp)
-    verdict = judged(guard, far, 0.0 if start == -np.inf else start + 1.0)
+    return apart, apart - 0.5 * np.sqrt(3.0) * CELL > clear
+
+
+def next_stamp(guard):
+    """A stamp after the last one [s]."""
+    return max(float(guard._sensed.table.about.stamp), 0.0) + 1.0
+
+
+def test_an_arm_in_a_narrow_hole_of_unknown_space_is_not_stopped(guard):
+    apart, far = hole(guard, 0.024)
+    verdict = judged(guard, far, next_stamp(guard))
     near = [pair for pair in verdict.near if "not known free" in pair.b]
-    assert share < 1.0 or guard._sensed.table.coarse.max() == 1
+    assert guard._sensed.table.coarse.max() == 1
     assert 0 < len(near) <= SLOTS[CellKind.UNSEEN]
     least = min(pair.distance for pair in near)
     # A plane may lie before its cells by a quarter of the distance, and not behind.
-    assert 0.75 * clear <= least <= apart[far].min() - 0.5 * CELL
-    assert (verdict.level >= Level.STOP) == stops, verdict.why
+    assert 0.75 * 0.024 <= least <= apart[far].min() - 0.5 * CELL
+    assert verdict.level < Level.STOP, verdict.why
 
 
-def test_space_farther_than_the_margin_is_not_near(guard):
-    far = distances(guard, guard.home) - 0.5 * np.sqrt(3.0) * CELL > 0.05
-    start = float(guard._sensed.table.about.stamp)
-    verdict = judged(guard, far, 0.0 if start == -np.inf else start + 1.0)
+def test_an_arm_stops_in_a_hole_too_narrow_for_its_slots(guard):
+    _, far = hole(guard, 0.003)
+    verdict = judged(guard, far, next_stamp(guard))
+    assert verdict.level >= Level.STOP
+    assert verdict.reason == Reason.CROWDED
+    assert "more cells" in verdict.why
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_space_farther_than_the_margin_is_not_near(guard, share):
+    far = hole(guard, 0.03)[1]
+    far &= np.random.default_rng(4).random(far.shape) < share
+    verdict = judged(guard, far, next_stamp(guard))
     assert verdict.level == Level.CLEAR, verdict.why

@@ -1,0 +1,1 @@
+"""Motion of arms among objects that the scene has, or that sensors alone know."""

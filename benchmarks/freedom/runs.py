@@ -1,0 +1,186 @@
+"""Runs of one world: known by the scene, by sensors, or by OctoMap and a distance."""
+
+from collections import Counter, deque
+from time import process_time
+from typing import Any, Protocol
+
+import numpy as np
+
+import armguard as ag
+from armguard.guard import Level
+from armguard.guard.near_pair import NearPair
+from armguard.guard.verdict import Verdict
+from armguard.scene.compile import compile_scene
+from armguard.simulation.sensed import TRANSPORT
+from armguard.simulation.sensors import Rig
+from arrays import Floats
+from closed_loop.judge import Judge
+from closed_loop.judge_model import SIGHT
+from evading.episode import Plant
+from freedom.worlds import PERIOD, SECONDS, World, modelled_bay, sensing_bay
+
+# Cycles from one look at the causes of slowing to the next, and share of the desired
+# motion from which a loss has a cause [-].
+EVERY, LOST = 5, 0.02
+
+
+class Commanding(Protocol):
+    """What makes commands of desired velocities: the guard, or a peer of it."""
+
+    tables: Any
+
+    def filter(
+        self, q: Floats, v_desired: Floats, stamp: float, *, velocity: Floats,
+        now: float,
+    ) -> Any:  # fmt: skip
+        """A command; it has `velocity`, `actions`, `blocked` and a `verdict`."""
+
+    def engage(self, robot: str) -> None:
+        """Give a robot back to its operator."""
+
+
+class Frames:
+    """Frames of simulated sensors that come when they are due.
+
+    Args:
+        scene: The scene with the sensors.
+        world: The foreign objects that they see.
+        seed: Seed of the noise.
+    """
+
+    def __init__(self, scene: ag.Scene, world: World, seed: int) -> None:
+        self._scene = scene
+        self._rig = Rig(scene, [tuple(edges) for edges in world.edges], seed)
+        for k, pose in enumerate(world.poses):
+            self._rig.place(k, pose)
+        self._due = {
+            name: sensor.period * (0.3 + 0.61 * k) % sensor.period
+            for k, (name, sensor) in enumerate(scene.sensors.items())
+        }
+        self._past: deque[tuple[float, Floats]] = deque(maxlen=100)
+
+    def look(self, q: Floats, stamp: float, now: float) -> list[tuple[Any, ...]]:
+        """Names, distances, status and stamps of the frames that are there now.
+
+        Args:
+            q: Joint positions, shape (n,) [rad or m].
+            stamp: Their time [s].
+            now: Time of the cycle [s].
+        """
+        self._past.append((stamp, q))
+        found = []
+        for name, measured in self._due.items():
+            sensor = self._scene.sensors[name]
+            if measured + sensor.delay + TRANSPORT > now:
+                continue
+            self._due[name] += sensor.period
+            _, then = min(self._past, key=lambda past: abs(past[0] - measured))
+            reading = self._rig.read(name, then)
+            found.append((name, *reading, measured + sensor.delay))
+        return found
+
+
+class Sensing:
+    """A guard that knows foreign objects by sensors alone.
+
+    Args:
+        world: The world.
+        cell: Edge of a cell [m].
+        speed: Declared speed of an intruder [m/s].
+        seed: Seed of the noise.
+    """
+
+    def __init__(self, world: World, cell: float, speed: float, seed: int) -> None:
+        scene = sensing_bay(cell, speed)
+        self._guard = ag.Guard(scene, self_test=False)
+        self._sense = ag.Sense(scene, self._guard)
+        self._frames = Frames(scene, world, seed)
+        self.tables, self.engage = self._guard.tables, self._guard.engage
+
+    def filter(
+        self, q: Floats, v_desired: Floats, stamp: float, *, velocity: Floats,
+        now: float,
+    ) -> Any:  # fmt: skip
+        """See `Commanding`."""
+        self._sense.joints(q, stamp)
+        for name, distance, status, at in self._frames.look(q, stamp, now):
+            self._sense.frame(name, distance, status, at)
+        return self._guard.filter(q, v_desired, stamp, velocity=velocity, now=now)
+
+
+def known(world: World) -> ag.Guard:
+    """A guard of a scene that has the foreign objects."""
+    return ag.Guard(modelled_bay(world), self_test=False)
+
+
+def run(world: World, guard: Commanding, seed: int) -> dict[str, Any]:
+    """A run of a world; what came of it.
+
+    Args:
+        world: The world.
+        guard: What makes the commands; with a `verdict`, causes are counted.
+        seed: Draws delays and errors of the plant.
+
+    Returns:
+        Desired way and the part of it that was done, summed over joints [rad]; least
+        distance of a foreign object to an arm that moves, at most `SIGHT` [m]; ways
+        that were lost by cause [rad]; stops by cause.
+    """
+    begin = process_time()
+    scene = modelled_bay(world)
+    judge = Judge(scene, compile_scene(scene))
+    plant = Plant(guard, scene.home, np.random.default_rng(seed))
+    wanted = done = 0.0
+    least = SIGHT
+    lost: Counter[str] = Counter()
+    stops: Counter[str] = Counter()
+    stopped = dict.fromkeys(plant.own, True)
+    while plant.time < SECONDS:
+        desired = world.desired(plant.time)
+        command = plant.drive(desired)
+        kept = np.clip(command.velocity * np.sign(desired), 0.0, np.abs(desired))
+        wanted += PERIOD * float(np.abs(desired).sum())
+        done += PERIOD * float(kept.sum())
+        if (plant.v != 0.0).any():
+            least = min(least, foreign_gap(judge, plant.q))
+        verdict = command.verdict
+        if not isinstance(verdict, Verdict):
+            continue
+        for arm, own in plant.own.items():
+            missed = float((np.abs(desired) - kept)[own].sum())
+            if plant.cycles % EVERY == 0 and missed > LOST * np.abs(desired[own]).sum():
+                lost[cause_of(verdict, arm)] += EVERY * PERIOD * missed
+            stops_now = verdict.levels[arm] >= Level.STOP
+            if stops_now and not stopped[arm]:
+                stops[cause_of(verdict, arm)] += 1
+            stopped[arm] = stops_now
+    return {
+        "wanted": wanted, "done": done, "least": least, "lost": dict(lost),
+        "stops": dict(stops), "worked_s": process_time() - begin,
+    }  # fmt: skip
+
+
+def foreign_gap(judge: Judge, q: Floats) -> float:
+    """Least distance of an arm to a foreign object, at most `SIGHT` [m]."""
+    distances, geoms = judge.measure(q)
+    own = [
+        any(judge.owners[g].startswith("foreign") for g in pair)
+        for pair in geoms.tolist()
+    ]
+    return float(distances[own].min(initial=SIGHT)) if len(geoms) else SIGHT
+
+
+def cause_of(verdict: Verdict, arm: str) -> str:
+    """What slows or stops an arm: side B of its pair with the least headroom."""
+    if not np.isfinite(verdict.headroom.m) or not verdict.near:
+        return verdict.causes.get(arm, verdict.reason).name
+    pairs = [p for p in verdict.near if arm in (p.a.split("/")[0], p.b.split("/")[0])]
+    nearest = min(pairs, key=lambda pair: pair.headroom, default=None)
+    return "no near pair" if nearest is None else side_of(nearest)
+
+
+def side_of(pair: NearPair) -> str:
+    """Kind of side B of a pair."""
+    if pair.sensed is not None:
+        return "not known free" if pair.sensed.unseen else "occupied"
+    return "foreign object" if pair.b.startswith("foreign") else "model"
