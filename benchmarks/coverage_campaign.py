@@ -11,7 +11,7 @@ a capsule carries two to four rings of arrays of zones.
 import ast
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -116,6 +116,7 @@ def summed_up(_: str, episodes: list[Episode]) -> Figures:
     }
 
 
+@cache
 def version(kind: str) -> str:
     """Hash of the code of coverage and oracle; comments do not count."""
     whole = sha256(kind.encode())

@@ -13,7 +13,7 @@ filters each command.
 import ast
 import sys
 from collections.abc import Mapping
-from functools import partial
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -174,6 +174,7 @@ def summed_up(_: str, episodes: list[Episode]) -> Figures:
     }
 
 
+@cache
 def version(kind: str) -> str:
     """Hash of the code of follower and worlds; comments do not count."""
     whole = sha256(kind.encode())

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from armguard.cli import sensors
-from armguard.cli.sensors import allowed_speed, sensor_findings
+from armguard.cli.coverage import coverage_findings, coverage_table
+from armguard.cli.sensors import allowed_speed, sensor_findings, smallest_body
 from armguard.scene.sensing import IntruderSettings
+from armguard.sense.coverage import Coverage, Patch
 from armguard.sense.view import View
 from armguard.simulation.sensed import sensed_bay
 
@@ -85,3 +87,44 @@ def test_sensors_that_take_too_much_of_a_core_are_a_warning(share, status, monke
     assert first.status == status
     assert f"take {share:.0%} of a core" in first.sentence
     assert bool(first.remedy) == (status == "WARN")
+
+
+def test_the_smallest_body_fills_a_quarter_of_four_zones():
+    scene = sensed_bay(camera=False)
+    one = next(iter(scene.sensors.values()))
+    for distance in (0.1, 0.2):
+        # A quarter of its disc covers the share `fill` of one of four zones.
+        zone = 2.0 * distance * np.tan(one.view[0] / 2.0) / 8.0
+        needed = np.sqrt(16.0 * one.fill * zone**2 / np.pi)
+        assert smallest_body(one, distance) == pytest.approx(needed, abs=1e-3)
+    assert smallest_body(one, 50.0) == np.inf
+    skin = list(sensor_findings(scene))[1]
+    assert "50 mm up to 0.43 m, 12 mm at 0.1 m, 23 mm at 0.2 m" in skin.sentence
+
+
+def patch(link, size, body, facing=(0.1, -0.9, 0.2)):
+    """A patch at the origin of its link."""
+    return Patch(link, size, body, np.zeros(3), np.array(facing), np.zeros((1, 3)))
+
+
+def test_findings_name_the_blind_patches_of_each_link():
+    patches = (
+        patch("left/link3", 0.084, 0.061), patch("left/link5", 0.03, np.inf),
+        patch("left/link3", 0.022, 0.02),
+    )  # fmt: skip
+    seen = {"left/link3": 0.8, "left/link4": 1.0, "left/link5": 0.9}
+    found = Coverage(0.12, seen, patches)
+    lines = [(one.status, one.sentence) for one in coverage_findings(found)]
+    assert lines == [
+        ("WARN", "2 of 3 links have patches of more than 20 mm that no sensor sees, "
+         "120 mm before their surface, with all arms at home"),
+        ("WARN", "left/link3: 84 mm on its -y side seen by no sensor (1 smaller one "
+         "beside); a body of 61 mm can hide"),
+        ("PASS", "left/link4: no patch is unseen"),
+        ("WARN", "left/link5: 30 mm on its -y side seen by no sensor; a body of any "
+         "size can hide"),
+    ]  # fmt: skip
+    assert [row["hides_mm"] for row in coverage_table(found)] == [61.0, None, 20.0]
+    whole = list(coverage_findings(Coverage(0.12, {"left/link4": 1.0}, ())))
+    assert whole[0].status == "PASS" and whole[0].sentence.startswith("none of 1 links")
+    assert list(coverage_findings(None)) == [] and coverage_table(None) == []
