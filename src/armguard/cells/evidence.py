@@ -81,6 +81,36 @@ def recent_of(
 
 
 @kernel
+def motion_of(
+    word: int, stamp: float, settles: float, motion: int, hit: bool,
+    appeared: np.uint64, occupied: np.uint64, evidence: Evidence,
+) -> int:  # fmt: skip
+    """Motion of the cells of a word after a frame; notes those that move.
+
+    Args:
+        word: The word.
+        stamp: Time of the frame [s].
+        settles: Time after which a cell that appeared is still [s].
+        motion: Their motion before, STILL or MOVING.
+        hit: Whether the frame hits one of them.
+        appeared: Those that were known free before.
+        occupied: All that are occupied now.
+        evidence: Evidence of the map.
+    """
+    returned = appeared & recent_of(word, stamp, settles, occupied, evidence)
+    if appeared != returned:
+        before = NONE if motion == STILL else evidence.moving[word]
+        evidence.moving[word] = before | appeared
+        evidence.appeared[word] = stamp
+        return MOVING
+    young = stamp - evidence.appeared[word] < settles
+    if returned != 0 and young:
+        evidence.moving[word] |= returned
+        return MOVING
+    return STILL if occupied == 0 or (hit and not young) else motion
+
+
+@kernel
 def settle_word(
     word: int, stamp: float, error: float, settles: float, source: int,
     look: Look, evidence: Evidence, out: Claims,
@@ -106,19 +136,11 @@ def settle_word(
     occupied = evidence.twos[word] | evidence.fours[word]
     unknown = unknown_before & ~(passed | occupied)
     new = occupied & ~occupied_before
-    motion = int(out.motion[word])
     appeared = new & ~unknown_before
-    returned = appeared & recent_of(word, stamp, settles, occupied, evidence)
-    if appeared != returned:
-        before = NONE if motion == STILL else evidence.moving[word]
-        evidence.moving[word] = before | appeared
-        motion = MOVING
-        evidence.appeared[word] = stamp
-    elif returned != 0 and stamp - evidence.appeared[word] < settles:
-        evidence.moving[word] |= returned
-        motion = MOVING
-    elif occupied == 0 or (hit != 0 and stamp - evidence.appeared[word] >= settles):
-        motion = STILL
+    motion = motion_of(
+        word, stamp, settles, int(out.motion[word]), hit != 0, appeared, occupied,
+        evidence,
+    )  # fmt: skip
     if looked & ~unknown == ~unknown:
         at, farthest, origin = stamp, np.float32(error), source
     else:
