@@ -69,6 +69,7 @@ def test_what_is_free_with_a_joint_anywhere_is_free_for_all_its_positions():
     gaps = headrooms(world, np.hstack((q, last)))
     assert (gaps[labels == FREE] >= -1e-7).all()
     assert "joint3 anywhere, the others at home" in found.sentence
+    assert found.units == ("rad", "rad")
 
 
 def limits_of(scene, joint):

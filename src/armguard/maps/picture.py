@@ -301,8 +301,8 @@ def draw_slice(found: Slice, path: Path) -> None:
         axes.set(
             xlim=(found.lower[0], found.upper[0]),
             ylim=(found.lower[1], found.upper[1]),
-            xlabel=f"{found.joints[0]} [rad or m]",
-            ylabel=f"{found.joints[1]} [rad or m]",
+            xlabel=f"{found.joints[0]} [{found.units[0]}]",
+            ylabel=f"{found.joints[1]} [{found.units[1]}]",
             aspect="auto",
         )
         axes.set_title(

@@ -19,6 +19,7 @@ from armguard.prove.tile_search import (
     UNKNOWN,
 )
 from armguard.prove.tube import Tube
+from armguard.robot.kinematics import PRISMATIC
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
 
@@ -32,6 +33,7 @@ class Slice:
 
     Attributes:
         joints: Both, 'robot/joint'.
+        units: Unit of each, "rad" or "m".
         anywhere: Joints that may be anywhere within their limits: what is free is free
             for all their positions. All others are at home.
         lower: Least position of both joints [rad or m].
@@ -42,6 +44,7 @@ class Slice:
     """
 
     joints: tuple[str, str]
+    units: tuple[str, str]
     anywhere: tuple[str, ...]
     lower: tuple[float, float]
     upper: tuple[float, float]
@@ -123,8 +126,11 @@ def configuration_slice(
     boxes = boxes_of(paving, near, tuple(tubes[:2])) - np.repeat(lower[:2], 2)
     label = paving.leaves[near, LABEL].astype(np.uint8)
     low, high = lower.tolist(), upper.tolist()
+    slides = tables.q_index[tables.joint_kind == PRISMATIC]
+    first, second = ("m" if k in slides else "rad" for k in places[:2])
     return Slice(
         joints=joints,
+        units=(first, second),
         anywhere=tuple(anywhere),
         lower=(low[0], low[1]),
         upper=(high[0], high[1]),
