@@ -3,13 +3,15 @@
 from armguard.guard.judged_pair import judge_pair
 from armguard.guard.needs import robot_of, static_need
 from armguard.guard.search_distance import pair_look, way_until_look
-from armguard.guard.sensed import Demand
+from armguard.guard.sensed import CellKind, Demand
 from armguard.guard.sensed_boxes import BY_PLANE, is_coarse, slot_of_box
 from armguard.guard.sensed_planes import list_box, nearest_open, slot_of_nearest
 from armguard.guard.sensed_search import count_work
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
+
+UNSEEN = int(CellKind.UNSEEN)
 
 # Work of judging a box as a pair: the look, and the measurement, see `count_work`.
 LOOKED_AT, MEASURED = 25, 90
@@ -44,7 +46,10 @@ def judge_box(count: int, w: Workspace) -> int:
 
 @kernel(inline=False)
 def judge_whole(count: int, w: Workspace) -> int:
-    """Judge the box, unless it is too coarse: as a box it is near a robot's stop.
+    """Judge the box, unless it is too coarse: as a box it would stop a robot.
+
+    One of space not known free is too coarse if it is near a stop: such space is on all
+    sides of an arm, and its boxes would take all slots.
 
     Returns:
         New count of rows, -1 if the box is to be divided. Nothing of it is left then.
@@ -54,8 +59,9 @@ def judge_whole(count: int, w: Workspace) -> int:
         return -1
     r, notes, used = robot_of(s.search.primitive, v), v.judged_count[0], s.about.used
     note_demand(r, s.demand, v)
+    kept = w.settings.margin if s.search.kind >= UNSEEN else 0.0
     found = judge_box(count, w)
-    if found == count or w.near[count].headroom >= w.settings.margin:
+    if found == count or w.near[count].headroom >= kept:
         return found
     restore_demand(r, s.demand, v)
     v.judged_count[0], s.about.used = notes, used
