@@ -6,7 +6,7 @@ import pytest
 
 from armguard.geometry import Box, HalfSpace, Pose, ShapeKind, distance
 from armguard.geometry.bounds import row_bounds
-from armguard.geometry.cell_gap import cell_gap
+from armguard.geometry.cell_gap import cell_gap, is_farther
 from armguard.geometry.place import displacement, place_row
 from armguard.geometry.shapes import shape_row
 from coal_shapes import coal_request, coal_shape
@@ -61,6 +61,24 @@ def test_the_gap_to_a_cell_is_a_sharp_lower_bound(kind):
         assert gap == pytest.approx(max(core, 0.0), abs=1e-9)
         assert gap <= max(core, 0.0) + 1e-12
     assert 50 < met < 450
+
+
+def test_a_box_is_farther_than_a_distance_only_if_it_is():
+    rng = np.random.default_rng(7)
+    box, found = int(ShapeKind.BOX), 0
+    for _ in range(2000):
+        shape, T = random_shape(rng, ShapeKind.BOX, 0.5), random_pose(rng)
+        row = shape_row(shape, T)
+        low = rng.uniform(-0.8, 0.5, 3)
+        high = low + 10.0 ** rng.uniform(-2, 0, 3)
+        gap = cell_gap(box, row, *low, *high)
+        # Without the edges the bound is short by a factor of 1.42 at most.
+        assert is_farther(box, row, tuple(low), tuple(high), 0.7 * gap - 1e-12)
+        assert not is_farther(box, row, tuple(low), tuple(high), gap + 1e-12)
+        found += is_farther(box, row, tuple(low), tuple(high), 0.98 * gap - 1e-12)
+    assert found > 1500
+    row[4] = np.nan
+    assert not is_farther(box, row, tuple(low), tuple(high), -1.0)
 
 
 def test_the_gap_of_a_half_space_is_that_of_the_nearest_corner():

@@ -79,6 +79,49 @@ def cell_gap(
     return float(convex_gap(kind, row, x0, y0, z0, x1, y1, z1))
 
 
+@kernel(inline=False, entry=True)
+def is_farther(kind: int, row: Row, low: Vec3, high: Vec3, distance: float) -> bool:
+    """Whether a primitive's core is farther from a cell than a distance.
+
+    False for some boxes that are: their edges are not compared. A NaN compares false.
+
+    Args:
+        kind: ShapeKind.
+        row: Row of the primitive, shape (16,).
+        low: Lower corner of the cell [m].
+        high: Upper corner [m].
+        distance: The distance [m].
+    """
+    if kind == BOX:
+        return bool(box_gap_floor(row, low, high) > distance)
+    gap = cell_gap(kind, row, low[0], low[1], low[2], high[0], high[1], high[2])
+    return bool(gap > distance)
+
+
+@kernel
+def box_gap_floor(row: Row, low: Vec3, high: Vec3) -> float:
+    """Lower bound of the distance of a box core to a cell [m].
+
+    The greater of the distances of each from the other one's bounding box, along its
+    own axes.
+    """
+    square = own = 0.0
+    for k in range(3):
+        reach = cell = along = 0.0
+        for axis in range(3):
+            # Columns of the rotation are the axes of the box.
+            reach += row[4 + axis] * abs(row[7 + 3 * k + axis])
+            cell += 0.5 * (high[axis] - low[axis]) * abs(row[7 + 3 * axis + k])
+            middle = 0.5 * (high[axis] + low[axis]) - row[1 + axis]
+            along += middle * row[7 + 3 * axis + k]
+        gap = outside_by(low[k] - (row[1 + k] + reach), (row[1 + k] - reach) - high[k])
+        square += gap * gap
+        beyond = abs(along) - (row[4 + k] + cell)
+        gap = outside_by(beyond, beyond)
+        own += gap * gap
+    return sqrt(max(square, own))
+
+
 @kernel
 def half_space_gap(
     row: Row, x0: float, y0: float, z0: float, x1: float, y1: float, z1: float

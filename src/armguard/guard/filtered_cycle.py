@@ -21,6 +21,7 @@ from armguard.guard.guarded_cycle import conclude, judge_input, refuse
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.observe import now_of
+from armguard.guard.sensed_search import begin_work
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     AT_REST,
@@ -132,8 +133,9 @@ def prove_wanted(w: Workspace) -> None:
         if not take_back(SHARES[k], v, m):
             return
         if SHARES[k] == 0.0:
-            # Tests spent on greater commands must not stop the pending ones.
+            # What was spent on greater commands must not stop the pending ones.
             m.effort.tests = 0
+            begin_work(w.sensed)
         judge_again(begun, w)
 
 

@@ -74,7 +74,7 @@ def go_through_pairs(w: Workspace) -> int:
     v, m = w.watch, w.motion
     moving_count, blocks = w.settings.moving_count, v.pair_blocks
     write_looks(w, v, m)
-    for j in range(moving_count, v.look.shape[0]):
+    for j in range(moving_count, w.settings.modelled):
         v.look[j] = way_of_object(j, v, m)
         grow_box(j, v.look[j] + 0.5 * w.settings.margin, w.world.boxes, v)
     count = filtered = 0

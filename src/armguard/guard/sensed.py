@@ -46,8 +46,8 @@ KIND_OF = {"free": -1, "still": CellKind.UNSEEN, "moving": CellKind.GROWING}
 # Kinds that grow at the intruder's speed.
 GROWS = (CellKind.MOVING, CellKind.GROWING)
 
-# Slots of each kind. A slot in use has a row of the answer, and the program of a
-# robot has room for the rows of 48 near pairs.
+# Slots of each kind for each robot. A slot in use has a row of the answer, and the
+# program of a robot has room for the rows of 48 near pairs.
 SLOTS = (48, 48, 96, 96)
 
 # Boxes of cells near a primitive that are listed at most.
@@ -66,9 +66,9 @@ class Knowledge:
         speed: Greatest speed of an intruder [m/s].
         stale: Age from which on all robots stop [s].
         outside: `CellKind` of space outside the region, -1 for free space.
-        used: Slots in use, of the kind that is judged.
-        spent: 1 where slots or work did not suffice, for the kind that is judged.
-        work: Work on the kind that is judged, see `count_work`.
+        used: Slots in use, of the kind and the robot that are judged.
+        spent: 1 where slots or work did not suffice for them.
+        limit: Work of the robot at which it does not suffice.
         listed: Boxes in `Sensed.listed`.
     """
 
@@ -81,7 +81,7 @@ class Knowledge:
     outside: int
     used: int
     spent: int
-    work: int
+    limit: int
     listed: int
 
 
@@ -91,6 +91,7 @@ class Search:
 
     Attributes:
         primitive: The primitive.
+        robot: Its robot.
         kind: `CellKind` that is judged.
         level: What becomes one slot, BY_WORD or BY_PLANE.
         low: Lower corner of the box that its cells meet if they matter, world [m].
@@ -104,6 +105,7 @@ class Search:
     """
 
     primitive: int
+    robot: int
     kind: int
     level: int
     low: Triple
@@ -123,11 +125,15 @@ class Demand:
         must: 1 if it had to stop.
         cause: Why, a `Reason`.
         time_left: Least time left of its pairs [s].
+        tests: Intervals of stops that were tested in the cycle.
+        notes: Pairs that were noted, see `note_pair`.
     """
 
     must: int
     cause: int
     time_left: float
+    tests: int
+    notes: int
 
 
 @record
@@ -168,14 +174,15 @@ class Sensed(NamedTuple):
         may_be_growing: The same of kind GROWING.
         claimed: Cells inside objects of the scene, shape (words,).
         carried: Primitives that a robot may carry, shape (k,).
-        slots: First slot of each kind, and the one after its last, shape (4, 2).
+        slots: First slot of each kind for each robot, and the one after the last of the
+            kind, shape (4, robots + 1).
         sources: Sensor from which the cells of each slot are, shape (slots,).
-        coarse: How the cells near each robot are judged, see `judge_kind`, shape
+        coarse: How the cells of each kind near each robot were last judged in this
+            cycle, see `judge_robot`, shape (4, robots).
+        work: Work on the cells near each robot in this cycle, see `count_work`, shape
             (robots,).
-        taken: Slots that each robot has taken, and its judged primitives, shape
-            (robots,).
-        before: Scratch: demands before the cells of a kind are judged, shape (robots,).
-        demand: Scratch: that of a robot before a box is judged.
+        before: Scratch: demand of a robot before its cells are judged.
+        demand: Scratch: that before a box is judged.
         about: What is known of all cells together.
         query: Scratch: a primitive.
         search: Scratch: what cells near it are compared with.
@@ -194,9 +201,9 @@ class Sensed(NamedTuple):
     carried: IntVector
     slots: IntMatrix
     sources: ByteVector
-    coarse: IntVector
-    taken: IntVector
-    before: Annotated[Records[Demand], 1]
+    coarse: IntMatrix
+    work: IntVector
+    before: Demand
     demand: Demand
     about: Knowledge
     query: Query
@@ -215,8 +222,9 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
     words = len(claims.stamp)
     still, moving, unseen, growing = (empty_bits(words, NONE) for _ in range(4))
     masks = [np.zeros(words, dtype=np.uint64) for _ in range(3)]
-    ends = tables.modelled + np.cumsum((0, *SLOTS))
-    slots = np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32)
+    robots = len(tables.robots)
+    first = tables.modelled + robots * np.cumsum((0, *SLOTS[:-1]))
+    slots = first[:, None] + np.outer(SLOTS, np.arange(robots + 1))
     carried = [
         np.arange(*tables.holds.places[name]) for name in tables.holds.objects
     ] or [np.zeros(0, dtype=np.int64)]
@@ -230,11 +238,11 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         may_be_growing=masks[1],
         claimed=masks[2],
         carried=np.concatenate(carried).astype(np.int32),
-        slots=slots,
-        sources=np.zeros(sum(SLOTS), dtype=np.uint8),
-        coarse=np.zeros(len(tables.robots), dtype=np.int32),
-        taken=np.zeros(len(tables.robots), dtype=np.int32),
-        before=records(len(tables.robots), Demand),
+        slots=slots.astype(np.int32),
+        sources=np.zeros(robots * sum(SLOTS), dtype=np.uint8),
+        coarse=np.zeros((len(SLOTS), robots), dtype=np.int32),
+        work=np.zeros(robots, dtype=np.int32),
+        before=records((), Demand),
         demand=records((), Demand),
         about=knowledge_of(tables.sensing),
         query=records((), Query),

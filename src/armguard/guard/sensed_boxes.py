@@ -5,11 +5,12 @@ import numpy as np
 from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z
 from armguard.cells.state import NO_SENSOR, WORD_SIDE
 from armguard.cells.words import place_of_word
-from armguard.geometry.cell_gap import cell_gap
+from armguard.geometry.cell_gap import cell_gap, is_farther
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.needs import robot_of
 from armguard.guard.sensed import LISTED, CellBox, CellKind, Sensed
+from armguard.guard.sensed_search import EXACT, count_work
 from armguard.guard.sensed_words import inside_of_word
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -79,6 +80,7 @@ def box_cells(word: int, corner: Vec3, left: np.uint64, w: Workspace) -> bool:
 def gap_of_box(s: Sensed) -> float:
     """Distance of the primitive from the box, less the error of its cells [m]."""
     g, query = s.box, s.query
+    count_work(EXACT, s)
     gap = cell_gap(
         query.kind, query.row, g.low[0], g.low[1], g.low[2], g.high[0], g.high[1],
         g.high[2],
@@ -103,9 +105,12 @@ def is_coarse(s: Sensed) -> bool:
     As a slot it is divided if it blocks a robot at rest, and where planes stand for
     boxes if the primitive is nearer than the box is long.
     """
-    g, gap = s.box, gap_of_box(s)
+    g, row = s.box, s.query.row
     if s.search.level == BY_WORD:
-        return bool(gap <= s.search.need)
+        low, high = (g.low[0], g.low[1], g.low[2]), (g.high[0], g.high[1], g.high[2])
+        need = s.search.need + g.error + row[0]
+        return not is_farther(s.query.kind, row, low, high, need)
+    gap = gap_of_box(s)
     square = 0.0
     for k in range(3):
         square += (g.high[k] - g.low[k]) * (g.high[k] - g.low[k])
@@ -128,6 +133,18 @@ def ends_along(cells: np.uint64, one: np.uint64, step: int) -> tuple[int, int]:
     return first, end
 
 
+@kernel
+def first_slot(s: Sensed) -> int:
+    """First slot of the kind and the robot that are judged."""
+    return int(s.slots[s.search.kind, s.search.robot])
+
+
+@kernel
+def end_of_slots(s: Sensed) -> int:
+    """The slot after the last one of theirs."""
+    return int(s.slots[s.search.kind, s.search.robot + 1])
+
+
 @kernel(inline=False)
 def slot_of_box(free: int, w: Workspace) -> int:
     """Slot that is the box, grown by the error of its cells.
@@ -144,13 +161,13 @@ def slot_of_box(free: int, w: Workspace) -> int:
     x = (0.5 * (g.low[0] + g.high[0]), 0.5 * (g.high[0] - g.low[0]))
     y = (0.5 * (g.low[1] + g.high[1]), 0.5 * (g.high[1] - g.low[1]))
     z = (0.5 * (g.low[2] + g.high[2]), 0.5 * (g.high[2] - g.low[2]))
-    for j in range(s.slots[s.search.kind, 0], free):
+    for j in range(first_slot(s), free):
         row = w.world.rows[j]
         same = row[0] == g.error and w.watch.seen_at[j] == g.stamp and kinds[j] == BOX
         same &= row[1] == x[0] and row[4] == x[1] and row[2] == y[0]
         if same and row[5] == y[1] and row[3] == z[0] and row[6] == z[1]:
             return j
-    if free == s.slots[s.search.kind, 1]:
+    if free == end_of_slots(s):
         return free
     row = w.world.rows[free]
     kinds[free] = BOX

@@ -32,10 +32,12 @@ from armguard.guard.demands import demand_stop
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import is_idle
 from armguard.guard.needs import robot_of
-from armguard.guard.sensed import CellKind, Sensed
+from armguard.guard.sensed import CellKind
 from armguard.guard.sensed_boxes import (
+    BY_PLANE,
     BY_WORD,
     box_cells,
+    first_slot,
     is_filled,
     put_box,
     slab_corner,
@@ -44,6 +46,7 @@ from armguard.guard.sensed_search import (
     cells_of,
     has_cells,
     is_beyond,
+    limit_work,
     within,
     write_search,
 )
@@ -83,74 +86,67 @@ def judge_sensed(count: int, w: Workspace) -> int:
     if w.motion.span.segment != 0:
         return count
     s = w.sensed
-    for kind in range(KINDS):
-        if has_cells(cells_of(kind, s)) or s.about.outside == kind:
-            count = judge_kind(kind, count, w)
+    for r in range(s.work.shape[0]):
+        given_up = False
+        for kind in range(KINDS):
+            near = has_cells(cells_of(kind, s)) or s.about.outside == kind
+            if near and not given_up:
+                s.search.robot, s.search.kind = r, kind
+                count = judge_robot(count, w)
+                given_up = s.coarse[kind, r] == GIVEN_UP
     return count
 
 
 @kernel(inline=False)
-def judge_kind(kind: int, count: int, w: Workspace) -> int:
-    """Judge the cells of a kind, near each robot as coarsely as the slots require.
+def judge_robot(count: int, w: Workspace) -> int:
+    """Judge the cells of a kind near a robot, as coarsely as slots and work require.
 
-    Where they do not suffice, half-spaces stand for the cells near the robot that has
-    taken most of them, and if that is not enough, it stops: cells that crowd one robot
-    neither slow nor stop another one.
+    Where they do not suffice, half-spaces stand for the cells, and if that is not
+    enough, the robot stops. Each robot has its own slots and work: cells that crowd one
+    neither slow nor stop another one. A later judgement of the cycle does not try again
+    what did not suffice, but for giving up: a slower motion may need less.
 
     Returns:
         New count of rows.
     """
     s, v = w.sensed, w.watch
-    first, notes = count, v.judged_count[0]
-    s.search.kind = kind
-    for r in range(s.coarse.shape[0]):
-        s.coarse[r] = BY_WORD
-        note_demand(r, s.before[r], v)
+    first, kind, r = count, int(s.search.kind), int(s.search.robot)
+    note_demand(r, s.before, w)
+    level = min(int(s.coarse[kind, r]), BY_PLANE)
     s.about.spent = 1
-    while s.about.spent != 0:
-        v.judged_count[0] = notes
-        for r in range(s.coarse.shape[0]):
-            restore_demand(r, s.before[r], v)
+    while s.about.spent != 0 and level != GIVEN_UP:
+        s.coarse[kind, r] = s.search.level = level
+        # The rest is for half-spaces, and for cells of other kinds.
+        limit_work(4 if level == BY_WORD else 2, s)
         count = judge_all_near(first, w)
         if s.about.spent != 0:
-            s.coarse[most_crowded(s)] += 1
-    for r in range(s.coarse.shape[0]):
-        if s.coarse[r] == GIVEN_UP:
-            demand_stop(r, CROWDED, v)
-            v.judged_count[0] = TOO_MANY
-            w.header.reason = CROWDED
+            count, level = first, level + 1
+            restore_demand(r, s.before, w)
+    if level == GIVEN_UP:
+        s.coarse[kind, r] = GIVEN_UP
+        demand_stop(r, CROWDED, v)
+        v.judged_count[0] = TOO_MANY
+        w.header.reason = CROWDED
     return count
 
 
 @kernel
 def judge_all_near(count: int, w: Workspace) -> int:
-    """Judge the cells near all primitives, until slots or work do not suffice.
+    """Judge the cells near all primitives of a robot, until slots or work run out.
 
     Returns:
         New count of rows.
     """
     s, v = w.sensed, w.watch
-    about, slot = s.about, int(s.slots[s.search.kind, 0])
-    about.used = about.spent = about.work = 0
-    s.taken[:] = 0
+    s.about.used = s.about.spent = 0
+    slot = first_slot(s)
     for i in range(w.settings.moving_count):
-        r, used = robot_of(i, v), about.used
-        checked = w.checked[w.groups[i], w.groups[slot]] != 0 and about.spent == 0
-        if checked and s.coarse[r] != GIVEN_UP and not is_idle(i, v.robot_of, w):
-            s.search.level = s.coarse[r]
+        checked = w.checked[w.groups[i], w.groups[slot]] != 0
+        if robot_of(i, v) != s.search.robot or not checked or s.about.spent != 0:
+            continue
+        if not is_idle(i, v.robot_of, w):
             count = judge_near(i, count, w)
-            s.taken[r] += 1 + about.used - used
     return count
-
-
-@kernel
-def most_crowded(s: Sensed) -> int:
-    """Robot with most slots among those whose cells were judged."""
-    found = 0
-    for r in range(s.coarse.shape[0]):
-        if s.taken[r] > s.taken[found]:
-            found = r
-    return found
 
 
 @kernel(inline=False)

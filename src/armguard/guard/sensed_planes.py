@@ -17,7 +17,12 @@ from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.sensed import LISTED, CellBox, Sensed
-from armguard.guard.sensed_boxes import bound_slot, gap_of_box, slot_of_box
+from armguard.guard.sensed_boxes import (
+    bound_slot,
+    end_of_slots,
+    gap_of_box,
+    slot_of_box,
+)
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.table import Vector
@@ -85,7 +90,7 @@ def slot_of_nearest(nearest: int, free: int, w: Workspace) -> int:
     row = numba.carray(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
     write_box(g, row)
     measure(query.kind, query.row, BOX, row, witness)
-    if not witness[0] - g.error > TOUCHES or free == s.slots[s.search.kind, 1]:
+    if not witness[0] - g.error > TOUCHES or free == end_of_slots(s):
         return slot_of_box(free, w)
     n = (witness[7], witness[8], witness[9])
     before = BEFORE * (witness[0] - g.error)

@@ -6,7 +6,7 @@ import numpy as np
 
 from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z, range_bits
 from armguard.cells.state import Bits
-from armguard.geometry.cell_gap import cell_gap
+from armguard.geometry.cell_gap import is_farther
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.needs import static_need
@@ -18,9 +18,13 @@ from armguard.motion.twist_bound import deviation, place_at_middle
 
 STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.UNSEEN)
 
-# Most work of one judgement on one kind of cells, in boxes that are compared, at some
-# 30 nanoseconds each.
-MOST_WORK = 40_000
+# Most work of a cycle on the cells near a robot, in comparisons of two bounds, at some
+# 25 nanoseconds each. What is spent on greater commands does not count for the pending
+# ones.
+MOST_WORK = 60_000
+
+# Work of an exact distance to a box.
+EXACT = 10
 
 
 @kernel
@@ -136,10 +140,23 @@ def within(members: np.uint64, corner: Vec3, edge: float, search: Search) -> np.
 
 
 @kernel
+def begin_work(s: Sensed) -> None:
+    """Start the work of a cycle."""
+    s.work[:] = 0
+
+
+@kernel
+def limit_work(parts: int, s: Sensed) -> None:
+    """Allow one of some parts of the work that is left to the robot that is judged."""
+    done = s.work[s.search.robot]
+    s.about.limit = done + max(0, MOST_WORK - done) // parts
+
+
+@kernel
 def count_work(boxes: int, s: Sensed) -> None:
-    """Count work, in boxes that are compared, and note when it is too much."""
-    s.about.work += boxes
-    if s.about.work > MOST_WORK:
+    """Count work for the robot that is judged, and note when it is too much."""
+    s.work[s.search.robot] += boxes
+    if s.work[s.search.robot] > s.about.limit:
         s.about.spent = 1
 
 
@@ -151,7 +168,6 @@ def is_beyond(low: Vec3, edge: float, s: Sensed) -> bool:
     if is_passed_clear(low, high, s.search):
         return True
     query = s.query
-    gap = cell_gap(
-        query.kind, query.row, low[0], low[1], low[2], high[0], high[1], high[2]
+    return bool(
+        is_farther(query.kind, query.row, low, high, s.search.look + query.row[0])
     )
-    return bool(gap - query.row[0] > s.search.look)

@@ -1,32 +1,42 @@
 """Pairs of a primitive and a slot: a box of cells, or a half-space for many boxes."""
 
 from armguard.guard.judged_pair import judge_pair
-from armguard.guard.needs import robot_of, static_need
+from armguard.guard.needs import static_need
 from armguard.guard.search_distance import pair_look, way_until_look
 from armguard.guard.sensed import CellKind, Demand
-from armguard.guard.sensed_boxes import BY_PLANE, is_coarse, slot_of_box
+from armguard.guard.sensed_boxes import (
+    BY_PLANE,
+    end_of_slots,
+    first_slot,
+    is_coarse,
+    slot_of_box,
+)
 from armguard.guard.sensed_planes import list_box, nearest_open, slot_of_nearest
 from armguard.guard.sensed_search import count_work
-from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 
 UNSEEN = int(CellKind.UNSEEN)
 
-# Work of judging a box as a pair: the look, and the measurement, see `count_work`.
-LOOKED_AT, MEASURED = 25, 90
+# Work of judging a box as a pair, see `count_work`: the look, the measurement, and the
+# test of an interval of the stops.
+LOOKED_AT, MEASURED, PROVEN = 25, 60, 40
 
 
 @kernel
-def note_demand(r: int, out: Demand, v: Watch) -> None:
-    """Note what a robot must do."""
+def note_demand(r: int, out: Demand, w: Workspace) -> None:
+    """Note what a robot must do, and how much was tested and noted for that."""
+    v = w.watch
     out.must, out.cause, out.time_left = v.must[r], v.cause[r], v.time_left[r]
+    out.tests, out.notes = w.motion.effort.tests, v.judged_count[0]
 
 
 @kernel
-def restore_demand(r: int, before: Demand, v: Watch) -> None:
-    """Take back what was demanded of a robot since `note_demand`."""
+def restore_demand(r: int, before: Demand, w: Workspace) -> None:
+    """Take back what was demanded, tested and noted since `note_demand`."""
+    v = w.watch
     v.must[r], v.cause[r], v.time_left[r] = before.must, before.cause, before.time_left
+    w.motion.effort.tests, v.judged_count[0] = before.tests, before.notes
 
 
 @kernel(inline=False)
@@ -40,7 +50,7 @@ def judge_box(count: int, w: Workspace) -> int:
     if s.search.level == BY_PLANE:
         list_box(s)
         return count
-    free = int(s.slots[s.search.kind, 0]) + s.about.used
+    free = first_slot(s) + s.about.used
     return judge_slot(slot_of_box(free, w), free, count, w)
 
 
@@ -54,17 +64,17 @@ def judge_whole(count: int, w: Workspace) -> int:
     Returns:
         New count of rows, -1 if the box is to be divided. Nothing of it is left then.
     """
-    s, v = w.sensed, w.watch
+    s = w.sensed
     if is_coarse(s):
         return -1
-    r, notes, used = robot_of(s.search.primitive, v), v.judged_count[0], s.about.used
-    note_demand(r, s.demand, v)
+    r, used = s.search.robot, s.about.used
+    note_demand(r, s.demand, w)
     kept = w.settings.margin if s.search.kind >= UNSEEN else 0.0
     found = judge_box(count, w)
     if found == count or w.near[count].headroom >= kept:
         return found
-    restore_demand(r, s.demand, v)
-    v.judged_count[0], s.about.used = notes, used
+    restore_demand(r, s.demand, w)
+    s.about.used = used
     return -1
 
 
@@ -78,7 +88,7 @@ def judge_by_planes(count: int, w: Workspace) -> int:
     s = w.sensed
     nearest = nearest_open(s)
     while nearest >= 0 and s.about.spent == 0:
-        free = int(s.slots[s.search.kind, 0]) + s.about.used
+        free = first_slot(s) + s.about.used
         count = judge_slot(slot_of_nearest(nearest, free, w), free, count, w)
         count_work(s.about.listed, s)
         nearest = nearest_open(s)
@@ -100,7 +110,7 @@ def judge_slot(j: int, free: int, count: int, w: Workspace) -> int:
     """
     s, v, m = w.sensed, w.watch, w.motion
     i = s.search.primitive
-    if j == s.slots[s.search.kind, 1]:
+    if j == end_of_slots(s):
         s.about.spent = 1
         return count
     need = static_need(i, j, w, v, m) + way_until_look(j, v, m)
@@ -109,9 +119,9 @@ def judge_slot(j: int, free: int, count: int, w: Workspace) -> int:
     if look < 0.0:
         w.header.pairs_filtered += 1.0
         return count
-    count_work(MEASURED, s)
-    before = count
+    before, tests = count, m.effort.tests
     count = judge_pair(i, j, need, look, known, count, w)
+    count_work(MEASURED + PROVEN * (m.effort.tests - tests), s)
     if count > before and j == free:
         s.about.used += 1
     return count

@@ -51,7 +51,7 @@ BOUNDS: Rules = {
     "sensed.source": [Whole(0, SEVERAL)],
     "sensed.about": [
         Own(("outside", "speed", "stale")),
-        Whole(0, MOST_COUNTED, ("used", "spent", "work", "listed")),
+        Whole(0, MOST_COUNTED, ("used", "spent", "limit", "listed")),
     ],
 }
 

@@ -22,12 +22,13 @@ def with_slots(tables: SceneTables) -> SceneTables:
     sensing = tables.sensing
     if sensing is None or tables.slots:
         return tables
-    count = sum(SLOTS)
+    slots = tuple(len(tables.robots) * count for count in SLOTS)
+    count = sum(slots)
     T = np.eye(4)
     T[:3, 3] = sensing.region.centre
     row = shape_row(Box(size=(sensing.cell,) * 3), T)
     group = tables.holds.group_of[SENSED]
-    names = names_of_slots()
+    names = names_of_slots(slots)
     own = int(tables.owners.max(initial=-1)) + 1
     pads: dict[str, NDArray[Any]] = {
         "kinds": np.full(count, ShapeKind.BOX, dtype=np.int32),
@@ -48,26 +49,24 @@ def with_slots(tables: SceneTables) -> SceneTables:
         body_names=(*tables.body_names, *names),
         labels=(*tables.labels, *names),
         exact=exact_with(tables.exact, count),
-        top_speeds=np.concatenate([speeds, speeds_of_slots(sensing)]),
+        top_speeds=np.concatenate([speeds, speeds_of_slots(sensing, slots)]),
         checkable_pairs=tables.checkable_pairs + count * tables.moving_count,
         slots=count,
     )
 
 
-def names_of_slots() -> tuple[str, ...]:
-    """Name of the body of each slot."""
-    occupied = SLOTS[CellKind.STILL] + SLOTS[CellKind.MOVING]
-    return (SENSED,) * occupied + (UNSEEN,) * (sum(SLOTS) - occupied)
+def names_of_slots(slots: tuple[int, ...]) -> tuple[str, ...]:
+    """Name of the body of each slot, from the count of slots of each kind."""
+    occupied = slots[CellKind.STILL] + slots[CellKind.MOVING]
+    return (SENSED,) * occupied + (UNSEEN,) * (sum(slots) - occupied)
 
 
-def speeds_of_slots(sensing: SceneSensing) -> NDArray[np.float64]:
-    """Greatest speed of each slot [m/s]."""
-    return np.concatenate(
-        [
-            np.full(SLOTS[kind], sensing.intruder.speed if kind in GROWS else 0.0)
-            for kind in CellKind
-        ]
-    )
+def speeds_of_slots(
+    sensing: SceneSensing, slots: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """Greatest speed of each slot, from the count of slots of each kind [m/s]."""
+    speeds = [sensing.intruder.speed if kind in GROWS else 0.0 for kind in CellKind]
+    return np.repeat(speeds, slots)
 
 
 def exact_with(exact: ExactTables, count: int) -> ExactTables:
