@@ -21,7 +21,7 @@ STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.
 # Most work of a cycle on the cells near a robot, in comparisons of two bounds, at some
 # 25 nanoseconds each. What is spent on greater commands does not count for the pending
 # ones.
-MOST_WORK = 60_000
+MOST_WORK = 80_000
 
 # Work of an exact distance to a box.
 EXACT = 10
