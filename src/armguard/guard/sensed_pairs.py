@@ -117,7 +117,7 @@ def judge_robot(count: int, w: Workspace) -> int:
     while s.about.spent != 0 and level != GIVEN_UP:
         s.coarse[kind, r] = s.search.level = level
         # The rest is for half-spaces, and for cells of other kinds.
-        limit_work(4 if level == BY_WORD else 2, s)
+        limit_work(3 if level == BY_WORD else 2, s)
         count = judge_all_near(first, w)
         if s.about.spent != 0:
             count, level = first, level + 1

@@ -19,9 +19,9 @@ from armguard.motion.twist_bound import deviation, place_at_middle
 STILL, MOVING, UNSEEN = int(CellKind.STILL), int(CellKind.MOVING), int(CellKind.UNSEEN)
 
 # Most work of a cycle on the cells near a robot, in comparisons of two bounds, at some
-# 25 nanoseconds each. What is spent on greater commands does not count for the pending
+# 15 nanoseconds each. What is spent on greater commands does not count for the pending
 # ones.
-MOST_WORK = 80_000
+MOST_WORK = 120_000
 
 # Work of an exact distance to a box.
 EXACT = 10

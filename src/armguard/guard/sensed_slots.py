@@ -18,9 +18,9 @@ from armguard.kernel import kernel
 
 UNSEEN = int(CellKind.UNSEEN)
 
-# Work of judging a box as a pair, see `count_work`: the look, the measurement, and the
-# test of an interval of the stops.
-LOOKED_AT, MEASURED, PROVEN = 25, 60, 40
+# Work of judging a box as a pair: the look, and the measurement, see `count_work`. The
+# tests of a proof have a budget of their own.
+LOOKED_AT, MEASURED = 25, 90
 
 
 @kernel
@@ -119,9 +119,9 @@ def judge_slot(j: int, free: int, count: int, w: Workspace) -> int:
     if look < 0.0:
         w.header.pairs_filtered += 1.0
         return count
-    before, tests = count, m.effort.tests
+    count_work(MEASURED, s)
+    before = count
     count = judge_pair(i, j, need, look, known, count, w)
-    count_work(MEASURED + PROVEN * (m.effort.tests - tests), s)
     if count > before and j == free:
         s.about.used += 1
     return count
