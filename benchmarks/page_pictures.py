@@ -118,6 +118,8 @@ def main() -> int:
         live = ("clear", "slow", "person", "drive", "edit", "silent")
         if any(map(pictures.wanted, live)):
             keep_live(pictures)
+        if any(map(pictures.wanted, ("sensed", "blindfolded"))):
+            keep_sensed(pictures)
         recording: Path | None = chosen.recording
         if recording is None:
             recording = keep_held(pictures, folder / "recordings")
@@ -152,6 +154,21 @@ def keep_live(pictures: Pictures) -> None:
             os.kill(view.pid, signal.SIGSTOP)
             pictures.keep("silent", lambda: page.locator(":root.grey").count() > 0)
             os.kill(view.pid, signal.SIGCONT)
+
+
+def keep_sensed(pictures: Pictures) -> None:
+    """Keep two arms among what sensors see, then with the camera blindfolded."""
+    page = pictures.page
+    with Stage("sensed-table", "--simulated-sensors", *OPTIONS) as stage:
+        begin(stage)
+        stage.start_operator()
+        with shown("--port", str(stage.port)) as (_, link):
+            open_page(page, link)
+            show = partial(press, page, "tab", "Sensors", "Blindfold: top")
+            in_order = page.get_by_text("top: in order")
+            pictures.keep("sensed", lambda: in_order.count() > 0, first=show)
+            press(page, "button", "Blindfold: top", "See again: top")
+            pictures.keep("blindfolded", pictures.level("STOP", "HELD"), first=show)
 
 
 def keep_held(pictures: Pictures, recordings: Path) -> Path:
