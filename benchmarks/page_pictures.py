@@ -43,6 +43,9 @@ PATIENCE = 120.0
 # As the demo on a busy computer has it, and a rate that leaves time for the browser.
 OPTIONS = ("--rate", "100", "--late", "0.08", "--stale", "0.2", "--no-self-test")
 
+# Simulated sensors and the frontier take more of the computer.
+SENSING = ("--rate", "100", "--late", "0.2", "--stale", "1.0", "--no-self-test")
+
 # Velocity of every first joint towards the other arm [rad/s].
 INWARD = 0.3
 
@@ -159,14 +162,17 @@ def keep_live(pictures: Pictures) -> None:
 def keep_sensed(pictures: Pictures) -> None:
     """Keep two arms among what sensors see, then with the camera blindfolded."""
     page = pictures.page
-    with Stage("sensed-table", "--simulated-sensors", *OPTIONS) as stage:
+    with Stage("sensed-table", "--simulated-sensors", *SENSING) as stage:
         begin(stage)
         stage.start_operator()
         with shown("--port", str(stage.port)) as (_, link):
             open_page(page, link)
-            show = partial(press, page, "tab", "Sensors", "Blindfold: top")
-            in_order = page.get_by_text("top: in order")
-            pictures.keep("sensed", lambda: in_order.count() > 0, first=show)
+            show = partial(press, page, "tab", "Sensors", "Blindfold: far_skin")
+            moving = pictures.level("CLEAR", "CAUTION", "SLOW")
+            seeing = page.get_by_text("in order")
+            pictures.keep(
+                "sensed", lambda: moving() and seeing.count() == 5, first=show
+            )
             press(page, "button", "Blindfold: top", "See again: top")
             pictures.keep("blindfolded", pictures.level("STOP", "HELD"), first=show)
 

@@ -106,7 +106,7 @@ class Frontier(Points):
         if view is not None and np.isfinite(cycle.frame.poses).all():
             T = cycle.frame.poses.reshape(-1, 3, 4)[self._bodies]
             links = np.einsum("nij,nj->ni", T[:, :, :3], self._points) + T[:, :, 3]
-            self._draw_points(frontier(view, links), 0.4 * view.cell)
+            self._draw_points(frontier(view, links), 0.1 * view.cell)
 
 
 def frontier(view: CellView, links: Floats) -> Floats:
