@@ -44,7 +44,7 @@ PATIENCE = 120.0
 OPTIONS = ("--rate", "100", "--late", "0.08", "--stale", "0.2", "--no-self-test")
 
 # Simulated sensors and the frontier take more of the computer.
-SENSING = ("--rate", "100", "--late", "0.2", "--stale", "1.0", "--no-self-test")
+SENSING = ("--rate", "50", "--late", "0.3", "--stale", "1.5", "--no-self-test")
 
 # Velocity of every first joint towards the other arm [rad/s].
 INWARD = 0.3
