@@ -26,6 +26,8 @@ import planar_worlds
 from armguard.geometry import Hull, Pose
 from armguard.respond import Action, Guard
 from armguard.respond.following import PlanarFollower, State, arm, curve, planar
+from armguard.respond.following.arm import to_segments, unit_vectors
+from armguard.respond.following.curve import Curve
 from armguard.scene import Scene
 from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures
@@ -58,6 +60,10 @@ KINDS = {
     **{f"{name}, no way": (name, False) for name in ARMS},
 }
 
+# Distances of the surface of the arm that are drawn as the standoff, and what part of
+# the plane is drawn [m].
+BAND, VIEW = (0.1, 0.15), (-1.4, 1.4)
+
 BEGIN, END = "<!-- campaign -->\n", "<!-- end of campaign -->"
 
 
@@ -70,6 +76,7 @@ class Run(NamedTuple):
         held: At which of these the standoff decided the motion, shape (k,).
         changed: Cycles in which the guard stopped the arm or changed its command.
         cycles: Its cycles.
+        curves: Boundaries in joint space that were followed wholly.
     """
 
     state: State
@@ -77,6 +84,7 @@ class Run(NamedTuple):
     held: NDArray[np.bool_]
     changed: int
     cycles: int
+    curves: list[Curve]
 
 
 def guard_of(name: str, one: World) -> Guard:
@@ -129,7 +137,9 @@ def run(name: str, one: World, seed: int, guard: Guard | None) -> Run:
             q = target
         path.append(q.copy())
         held.append(False)
-    return Run(follower.state, np.array(path), np.array(held), changed, cycles)
+    return Run(
+        follower.state, np.array(path), np.array(held), changed, cycles, follower.curves
+    )  # fmt: skip
 
 
 def episode(kind: str, seed: int) -> Episode:
@@ -210,37 +220,63 @@ def page(results: Mapping[str, Figures]) -> str:
 
 
 def draw(path: Path) -> None:
-    """Draw six worlds: polygons, way of the tip, and the arm at start and end."""
+    """Draw six worlds: polygons with the standoff, ways of the tip, and arms."""
     chosen = [(name, seed, True) for name in ARMS for seed in (1, 2)]
     chosen += [(name, 1, False) for name in ARMS]
-    with drawn(path, (11, 7.4), 3, 2) as places:
+    with drawn(path, (11, 7.8), 3, 2) as places:
         order = (0, 1, 4, 2, 3, 5)
         for axes, (name, seed, reachable) in zip(
             places, [chosen[k] for k in order], strict=True
         ):
             one = world(name, seed, reachable)
             found = run(name, one, seed, None)
-            for part in one.parts:
-                axes.add_patch(Polygon(part, color="0.6"))
-            _, tips = ends(name, found.path)
+            draw_obstacles(axes, one)
+            tips = links_of(ARMS[name], found.path)[:, 1, 1]
             axes.plot(*tips.T, color="C0", linewidth=0.8)
             axes.plot(*np.where(found.held[:, None], tips, np.nan).T, color="C1")
-            for q, colour in ((one.start, "C2"), (found.path[-1], "C0")):
-                line(axes, name, q, {"color": colour, "linewidth": 5, "alpha": 0.6})
-            line(axes, name, one.goal, {"color": "C3", "linestyle": ":"})
-            axes.set_title(f"{name}: {found.state.name}", fontsize=9)
-            axes.set(aspect="equal", xlim=(-1.4, 1.4), ylim=(-1.4, 1.4))
+            draw_arm(axes, name, one.start, {"color": "C2", "alpha": 0.5})
+            draw_arm(axes, name, found.path[-1], {"color": "C0", "alpha": 0.5})
+            style = {"fill": False, "edgecolor": "C3", "linestyle": ":"}
+            draw_arm(axes, name, one.goal, style)
+            axes.set_title(f"{name}: {ending(found)}", fontsize=9)
+            axes.set(aspect="equal", xlim=VIEW, ylim=VIEW)
+            axes.set_xlabel("x [m]", fontsize=8)
+            axes.set_ylabel("y [m]", fontsize=8)
+            axes.tick_params(labelsize=7)
 
 
-def ends(name: str, q: Floats) -> tuple[Floats, Floats]:
-    """Elbows and tips of an arm [m]."""
-    found = links_of(ARMS[name], q)
-    return found[..., 1, 0, :], found[..., 1, 1, :]
+def ending(found: Run) -> str:
+    """The state at the end; of an unreachable goal the boundaries that divide it."""
+    lines = [found.state.name]
+    for one in found.curves if found.state == State.UNREACHABLE else ():
+        low, high = np.degrees([one.points.min(axis=0), one.points.max(axis=0)])
+        if not one.closed:
+            lines.append("a boundary in joint space goes around the torus")
+        elif one.around_arm:
+            lines.append(f"joint 1 stays between {low[0]:.0f}° and {high[0]:.0f}°,")
+            lines.append(f"joint 2 between {low[1]:.0f}° and {high[1]:.0f}°")
+        else:
+            lines.append("a boundary in joint space encloses the goal")
+    return "\n".join(lines)
 
 
-def line(axes: Any, name: str, q: Floats, style: Mapping[str, Any]) -> None:
-    """Draw an arm."""
-    axes.plot(*np.array([np.zeros(2), *ends(name, q)]).T, **style)
+def draw_obstacles(axes: Any, one: World) -> None:
+    """Draw polygons, and where the distance to them is that of the standoff."""
+    line = np.linspace(*VIEW, 281)
+    x, y = np.meshgrid(line, line)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    far = to_segments(points, one.edges[:, 0], one.edges[:, 1]).min(axis=0)
+    axes.contourf(line, line, far.reshape(x.shape), BAND, colors=["#f6dfb8"])
+    for part in one.parts:
+        axes.add_patch(Polygon(part, color="0.6"))
+
+
+def draw_arm(axes: Any, name: str, q: Floats, style: Mapping[str, Any]) -> None:
+    """Draw the capsules of an arm."""
+    for a, b in links_of(ARMS[name], q):
+        turn = np.arctan2(*(b - a)[::-1]) + np.linspace(-0.5, 0.5, 30) * np.pi
+        rim = ARMS[name].radius * unit_vectors(turn)
+        axes.add_patch(Polygon(np.concatenate([b + rim, a - rim]), **style))
 
 
 CAMPAIGN = Campaign(

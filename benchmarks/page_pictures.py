@@ -43,6 +43,9 @@ PATIENCE = 120.0
 # As the demo on a busy computer has it, and a rate that leaves time for the browser.
 OPTIONS = ("--rate", "100", "--late", "0.08", "--stale", "0.2", "--no-self-test")
 
+# Simulated sensors and the frontier take more of the computer.
+SENSING = ("--rate", "50", "--late", "0.3", "--stale", "1.5", "--no-self-test")
+
 # Velocity of every first joint towards the other arm [rad/s].
 INWARD = 0.3
 
@@ -118,6 +121,8 @@ def main() -> int:
         live = ("clear", "slow", "person", "drive", "edit", "silent")
         if any(map(pictures.wanted, live)):
             keep_live(pictures)
+        if any(map(pictures.wanted, ("sensed", "blindfolded"))):
+            keep_sensed(pictures)
         recording: Path | None = chosen.recording
         if recording is None:
             recording = keep_held(pictures, folder / "recordings")
@@ -152,6 +157,24 @@ def keep_live(pictures: Pictures) -> None:
             os.kill(view.pid, signal.SIGSTOP)
             pictures.keep("silent", lambda: page.locator(":root.grey").count() > 0)
             os.kill(view.pid, signal.SIGCONT)
+
+
+def keep_sensed(pictures: Pictures) -> None:
+    """Keep two arms among what sensors see, then with the camera blindfolded."""
+    page = pictures.page
+    with Stage("sensed-table", "--simulated-sensors", *SENSING) as stage:
+        begin(stage)
+        stage.start_operator()
+        with shown("--port", str(stage.port)) as (_, link):
+            open_page(page, link)
+            show = partial(press, page, "tab", "Sensors", "Blindfold: far_skin")
+            moving = pictures.level("CLEAR", "CAUTION", "SLOW")
+            seeing = page.get_by_text("in order")
+            pictures.keep(
+                "sensed", lambda: moving() and seeing.count() == 5, first=show
+            )
+            press(page, "button", "Blindfold: top", "See again: top")
+            pictures.keep("blindfolded", pictures.level("STOP", "HELD"), first=show)
 
 
 def keep_held(pictures: Pictures, recordings: Path) -> Path:

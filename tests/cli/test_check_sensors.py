@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from armguard.cli import sensors
-from armguard.cli.coverage import coverage_findings, coverage_table
+from armguard.cli.coverage import (
+    coverage_findings,
+    coverage_table,
+    scene_coverage,
+)
 from armguard.cli.sensors import allowed_speed, sensor_findings, smallest_body
+from armguard.scene import Scene, load_scene
 from armguard.scene.sensing import IntruderSettings
+from armguard.scene.two_pandas import sensed_table_path
 from armguard.sense.coverage import Coverage, Patch
 from armguard.sense.view import View
 from armguard.simulation.sensed import sensed_bay
@@ -114,7 +120,7 @@ def test_findings_name_the_blind_patches_of_each_link():
     )  # fmt: skip
     seen = {"left/link3": 0.8, "left/link4": 1.0, "left/link5": 0.9}
     found = Coverage(0.12, seen, patches)
-    lines = [(one.status, one.sentence) for one in coverage_findings(found)]
+    lines = [(one.status, one.sentence) for one in coverage_findings(Scene(), found)]
     assert lines == [
         ("WARN", "2 of 3 links have patches of more than 20 mm that no sensor sees, "
          "120 mm before their surface, with all arms at home"),
@@ -125,6 +131,15 @@ def test_findings_name_the_blind_patches_of_each_link():
          "size can hide"),
     ]  # fmt: skip
     assert [row["hides_mm"] for row in coverage_table(found)] == [61.0, None, 20.0]
-    whole = list(coverage_findings(Coverage(0.12, {"left/link4": 1.0}, ())))
+    covered = Coverage(0.12, {"left/link4": 1.0}, ())
+    whole = list(coverage_findings(Scene(), covered))
     assert whole[0].status == "PASS" and whole[0].sentence.startswith("none of 1 links")
-    assert list(coverage_findings(None)) == [] and coverage_table(None) == []
+    assert list(coverage_findings(Scene(), None)) == [] and coverage_table(None) == []
+
+
+def test_a_check_without_scipy_names_it_in_place_of_blind_patches(monkeypatch):
+    scene = load_scene(sensed_table_path())
+    monkeypatch.setattr("armguard.cli.coverage.find_spec", lambda name: None)
+    (one,) = coverage_findings(scene, scene_coverage(scene))
+    assert one.status == "WARN" and "SciPy is missing" in one.sentence
+    assert one.remedy == "pip install 'armguard[meshes]'"

@@ -43,27 +43,34 @@ def ring(middle, radius):
     return middle + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
-def test_a_closed_curve_divides_what_is_inside():
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_closed_curve_divides_what_is_inside(way):
+    """The obstacle is on the same side in either direction of the curve."""
     goals = np.array([[1.0, 1.0], [1.0 + TURN, 1.0], [1.4, 1.0]])
-    island = Curve(ring((1.0, 1.0), 0.5), np.zeros(2), np.array([1.0, 0.6]))
+    line = ring((1.0, 1.0), 0.5)[::way]
+    island = Curve(line, np.zeros(2), way)
     assert island.free_side(goals).tolist() == [False, True, False]
     assert island.closed and not island.around_arm
-    room = Curve(ring((1.0, 1.0), 0.5), np.zeros(2), np.array([1.0, 0.4]))
+    room = Curve(line, np.zeros(2), -way)
     assert room.free_side(goals).tolist() == [True, False, True]
     assert room.around_arm
 
 
-def test_a_curve_around_the_torus_divides_what_is_on_either_side():
-    x = np.linspace(0.0, TURN, 100)
-    wave = Curve(
-        np.stack([x, 0.3 * np.sin(x)], axis=1), np.array([TURN, 0.0]),
-        np.array([0.1, -0.2]),
-    )  # fmt: skip
-    goals = np.array(
-        [[2.0, 0.5], [2.0 + 2 * TURN, 0.5], [2.0, -0.5], [2.0, 0.5 - TURN]]
-    )
-    assert wave.free_side(goals).tolist() == [True, True, False, False]
-    assert not wave.closed and not wave.around_arm
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("period", [(1, 0), (0, -1), (1, 1), (2, -1)])
+def test_a_curve_around_the_torus_divides_what_is_on_either_side(period, way):
+    """It winds about a line by 0.3 and goes back on a part of it."""
+    vector = TURN * np.array(period)
+    aside = np.array([-vector[1], vector[0]]) / np.linalg.norm(vector)
+    share = np.linspace(0.0, 1.0, 200, endpoint=False)
+    place = share + 0.1 * np.sin(6.0 * np.pi * share)
+    line = place[:, None] * vector + 0.3 * np.sin(TURN * share)[:, None] * aside
+    # The obstacle is aside of it, and to its left where it goes along the vector.
+    curve = Curve(line[::way] + 1.0, way * vector, way)
+    along = np.array([-8.2, -0.4, 0.1, 3.6])[:, None] * vector + 1.0
+    assert not curve.free_side(along + 0.5 * aside).any()
+    assert curve.free_side(along - 0.5 * aside).all()
+    assert not curve.closed and not curve.around_arm
 
 
 @pytest.mark.parametrize("arm", [ARM, LONG])
@@ -117,6 +124,18 @@ def test_unknown_worlds_are_passed_at_the_standoff_or_named_unreachable(kind, se
     assert found["held"] > 50 and found["kept"] == found["held"]
     assert found["least_mm"] > 105.0
     assert found["cycles"] > 500 and found["changed"] == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [("two links", 49), ("two links", 63), ("third prismatic, no way", 21)],
+)
+def test_a_boundary_that_sensed_points_move_is_left_or_known_after_a_round(kind, seed):
+    """Noise brings points that move the hit point away from the boundary."""
+    found = episode(kind, seed)
+    assert found["right"] and not found["contact"]
+    assert found["held"] > 15 and found["kept"] == found["held"]
+    assert found["steps"] < 2_000 and found["changed"] == 0
 
 
 HOME = {

@@ -11,7 +11,16 @@ from armguard.recording.calls import UpdateCells
 from armguard.scene.sensing import SENSED
 from armguard.scene.two_pandas import sensed_table_path
 from armguard.view.drawables import Shells
-from armguard.view.sensed import LONGEST, MOST_CELLS, line_of, nearest_cells, view_edges
+from armguard.view.sensed import (
+    BESIDE,
+    LONGEST,
+    MOST_CELLS,
+    MOST_FACES,
+    frontier,
+    line_of,
+    nearest_cells,
+    view_edges,
+)
 from armguard.view.sensed_state import SensedState
 from armguard.view.world import World
 
@@ -67,6 +76,57 @@ def test_the_page_gets_the_cells_nearest_to_the_robots():
     every = view.middles(np.argwhere(view.occupied()))
     nearer = np.linalg.norm(every[:, None] - places, axis=2).min(axis=1) < far - 1e-9
     assert nearer.sum() <= MOST_CELLS
+
+
+def frontier_of(view, links):
+    """The frontier by a look at the six neighbours of every known free cell."""
+    free, occupied = view.known_free(), view.occupied()
+    found = set()
+    for cell in np.argwhere(free):
+        for step in (*np.eye(3, dtype=int), *-np.eye(3, dtype=int)):
+            other = tuple(cell + step)
+            if min(other) < 0 or max(other) >= view.size:
+                continue
+            if not free[other] and not occupied[other]:
+                face = view.middles(cell) + 0.5 * view.cell * step
+                if np.linalg.norm(links - face, axis=1).min() < BESIDE:
+                    found.add(tuple(np.round(face, 6)))
+    return found
+
+
+def looked_at(points):
+    """A view of cells that are seen from above, all free up to some points."""
+    view, cells = ag.CellView((0, 0, 0.5), 0.05, 64), ag.CellMap((0, 0, 0.5), 0.05, 64)
+    for stamp in (1.0, 1.1, 1.2):
+        cells.points(points, (0, 0, 1.9), stamp)
+    while len(changes := cells.take_deltas()):
+        view.apply(changes)
+    return view
+
+
+def test_the_frontier_is_between_known_free_and_unknown_cells_beside_the_links():
+    side = np.linspace(-0.3, 0.3, 40)
+    x, y = (part.ravel() for part in np.meshgrid(side, side))
+    view = looked_at(np.stack([x, y, 0.0 * x], axis=1))
+    assert view.known_free().sum() > 500 and view.occupied().sum() > 50
+    links = np.array([(0.1, 0.0, 0.4), (-0.2, 0.1, 0.5)])
+    found = frontier(view, links)
+    assert 100 < len(found) < MOST_FACES
+    assert set(map(tuple, np.round(found, 6))) == frontier_of(view, links)
+    assert not len(frontier(view, links + 5.0))
+
+
+def test_the_page_gets_a_bounded_number_of_faces():
+    rng = np.random.default_rng(2)
+    view = ag.CellView((0, 0, 0.5), 0.025, 128)
+    view.claims.unknown.words[:] = rng.integers(
+        0, 2**64, len(view.claims.unknown.words), np.uint64
+    )
+    links = np.array([(0.1, 0.0, 0.4)])
+    found = frontier(view, links)
+    assert len(found) == MOST_FACES
+    far = np.linalg.norm(found - links, axis=1)
+    assert far.max() < BESIDE and (np.diff(far) >= 0.0).all()
 
 
 def test_edges_of_a_view_enclose_what_its_sensor_sees(scene):

@@ -114,7 +114,7 @@ def check(
         findings += reflex_findings(loaded, scene, zones)
         findings += sensor_findings(loaded)
         seen = scene_coverage(loaded)
-        findings += coverage_findings(seen)
+        findings += coverage_findings(loaded, seen)
         if propose:
             proposals = proposed_pairs(loaded, propose)
     if json:

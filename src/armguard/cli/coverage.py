@@ -1,6 +1,7 @@
 """Coverage in `armguard check`: parts of links that no sensor sees."""
 
 from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,26 @@ ANY_SIZE = 1.0
 
 
 def scene_coverage(scene: Scene) -> Coverage | None:
-    """The coverage of a scene's links at home; None if it has no sensed space."""
-    if scene.sensing is None or not scene.sensors:
+    """The coverage of a scene's links at home.
+
+    Returns:
+        None if it has no sensed space, or SciPy is missing.
+    """
+    if scene.sensing is None or not scene.sensors or find_spec("scipy") is None:
         return None
     return coverage(scene)
 
 
-def coverage_findings(found: Coverage | None) -> Iterator[Finding]:
+def coverage_findings(scene: Scene, found: Coverage | None) -> Iterator[Finding]:
     """The parts of each link that no sensor sees, and what can hide there."""
     if found is None:
+        if scene.sensing is not None and scene.sensors:
+            yield Finding(
+                "coverage",
+                "WARN",
+                "SciPy is missing, so patches that no sensor sees are not named",
+                "pip install 'armguard[meshes]'",
+            )
         return
     by_link = {
         link: [one for one in found.patches if one.link == link] for link in found.seen

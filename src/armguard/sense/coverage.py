@@ -117,6 +117,7 @@ def coverage(
     gap of less than `least` counts as seen. Links are their primitives; points in other
     shapes have no part in it.
     Of clouds the view is not known, and pads measure no distance: they see nothing.
+    SciPy finds which points are connected: the extra `meshes` brings it.
 
     Args:
         scene: The scene, with sensors and a sensed space.
@@ -223,13 +224,13 @@ class Look:
                 small |= chosen
         large = points[~small]
         for i, some in parts if small.any() else ():
-            close = near(some.point, points[small], EDGE)
+            close = near(some.point, points[small], 2.0 * EDGE)
             if not close.any():
                 continue
             fine = self._outer(i, self._finer(i, some.of(close)))
             fine = fine.of(self._blind(fine))
             labels = connected(fine.point, FINE)
-            beside = near(fine.point, large, EDGE)
+            beside = near(fine.point, large, 2.0 * EDGE)
             for label in range(labels.max(initial=-1) + 1):
                 chosen = labels == label
                 # A sample may be missing at each end, by twice the way to the next one.

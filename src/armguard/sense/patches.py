@@ -13,28 +13,12 @@ Bools = NDArray[np.bool_]
 SIDES = 200
 
 
-def voxels(points: Floats, edge: float) -> Ints:
-    """Cubes that points are in, shape (n, 3)."""
-    return np.floor(points / edge).astype(np.int64)
+def near(points: Floats, others: Floats, within: float) -> Bools:
+    """Which points are nearer to another point than a distance [m], shape (n,)."""
+    from scipy.spatial import cKDTree
 
-
-def key(cubes: Ints) -> Ints:
-    """Numbers of cubes."""
-    return np.asarray((cubes[:, 0] << 42) + (cubes[:, 1] << 21) + cubes[:, 2])
-
-
-# A cube with those about it.
-ABOUT = np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3), axis=-1).reshape(-1, 3)
-
-
-def near(points: Floats, others: Floats, edge: float) -> Bools:
-    """Which points are in a cube of this edge [m] that holds or adjoins other points.
-
-    They include all that are nearer to another point than the edge.
-    """
-    cubes = np.unique(voxels(others, edge), axis=0)
-    wide = (cubes[:, None] + ABOUT).reshape(-1, 3)
-    return np.isin(key(voxels(points, edge)), key(wide))
+    far = cKDTree(others).query(points, distance_upper_bound=within)[0]
+    return np.asarray(np.isfinite(far))
 
 
 def connected(points: Floats, edge: float) -> Ints:
@@ -42,21 +26,16 @@ def connected(points: Floats, edge: float) -> Ints:
 
     Points whose cubes of this edge [m] adjoin are of one part.
     """
-    cubes, which = np.unique(voxels(points, edge), axis=0, return_inverse=True)
-    keys = key(cubes)
-    order = np.argsort(keys)
-    labels, pairs = np.arange(len(cubes)), []
-    for step in ABOUT:
-        place = np.searchsorted(keys[order], key(cubes + step))
-        place = order[np.minimum(place, len(cubes) - 1)]
-        pairs.append(np.where(keys[place] == key(cubes + step), place, labels))
-    while True:
-        least = np.minimum.reduce([labels[pair] for pair in pairs])
-        least = least[least]
-        if (least == labels).all():
-            break
-        labels = least
-    return np.unique(labels, return_inverse=True)[1][which.reshape(-1)]
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    places = np.floor(points / edge)
+    cubes, which = np.unique(places, axis=0, return_inverse=True)
+    pairs = cKDTree(cubes).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cubes),) * 2)
+    _, labels = connected_components(graph, directed=False)
+    return np.asarray(labels[which.reshape(-1)])
 
 
 def extent(points: Floats) -> float:

@@ -1,16 +1,17 @@
 """Sensed space on the page: cells, and sensors with their views and states."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from trimesh.creation import box
 
 from armguard.cells.view import CellView
 from armguard.geometry.pose import Pose
 from armguard.guard.levels import Level
-from armguard.recording.palette import BLUE, FIXTURE, STATE_COLOURS
+from armguard.recording.palette import BLUE, FIXTURE, STATE_COLOURS, Rgb
 from armguard.scene.sensors import SceneSensor
 from armguard.view.controls import on_click
 from armguard.view.drawables import Drawable, put, slug
@@ -18,8 +19,12 @@ from armguard.view.world import Cycle, World
 
 Floats = NDArray[np.float64]
 
-# Cells that are drawn at most: those of the words nearest to the robots.
-MOST_CELLS = 4000
+# Cells that are drawn at most, and faces of the frontier: those nearest to the robots.
+MOST_CELLS, MOST_FACES = 4000, 6000
+
+# The frontier is drawn up to this distance from the links, which are taken as points
+# that are no farther apart than their edges [m].
+BESIDE, EDGE = 0.3, 0.1
 
 # Views are drawn so far at most [m].
 LONGEST = 0.5
@@ -27,19 +32,43 @@ LONGEST = 0.5
 # Colour of cells, and of the view of a sensor that is at fault.
 CELLS, AT_FAULT = (214, 102, 20), STATE_COLOURS[Level.STOP]
 
+# Colour of the frontier of knowledge.
+FRONTIER = (120, 80, 170)
+
 ORDER = "in order"
 
 
-class SensedCells(Drawable):
-    """The occupied cells that are nearest to the robots."""
+class Points(Drawable):
+    """Points of sensed space as a cloud of squares."""
 
-    label = "Sensed cells"
-    every = 0.2
+    path: ClassVar[str]
+    colour: ClassVar[Rgb]
 
     @classmethod
     def serves(cls, world: World) -> bool:
         """Whether the scene has sensed space."""
         return world.sensed.view is not None
+
+    def _draw_points(self, points: Floats, size: float) -> None:
+        """Draw these points, shape (n, 3) [m], at a size [m]."""
+        points = points.astype(np.float32)
+        if self.nodes and len(points):
+            self.nodes[0].points, self.nodes[0].visible = points, True
+            return
+        while self.nodes:
+            self.nodes.popitem()[1].remove()
+        if len(points):
+            self.nodes[0] = self.api.add_point_cloud(
+                self.path, points, self.colour, point_size=size, precision="float32"
+            )
+
+
+class SensedCells(Points):
+    """The occupied cells that are nearest to the robots."""
+
+    label = "Sensed cells"
+    every = 0.2
+    path, colour = "/cells", CELLS
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
@@ -52,20 +81,57 @@ class SensedCells(Drawable):
         if revision != self._revision or not self.nodes:
             self._revision = revision
             points = nearest_cells(view, cycle.frame.poses[:, [3, 7, 11]])
-            self._draw_points(points.astype(np.float32), view.cell)
+            self._draw_points(points, 0.5 * view.cell)
         for node in self.nodes.values():
             node.visible = True
 
-    def _draw_points(self, points: Floats, size: float) -> None:
-        if self.nodes and len(points):
-            self.nodes[0].points = points
-            return
-        while self.nodes:
-            self.nodes.popitem()[1].remove()
-        if len(points):
-            self.nodes[0] = self.api.add_point_cloud(
-                "/cells", points, CELLS, point_size=0.5 * size, precision="float32"
-            )
+
+class Frontier(Points):
+    """The faces between known free and unknown cells beside the links."""
+
+    label = "Frontier of knowledge"
+    every = 1.0
+    path, colour = "/frontier", FRONTIER
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        moving = range(self.tables.moving_count)
+        parts = [self.primitive(i).subdivide_to_size(EDGE).vertices for i in moving]
+        counts = [len(part) for part in parts]
+        self._bodies = np.repeat(self.tables.bodies[: self.tables.moving_count], counts)
+        self._points = np.concatenate(parts)
+
+    def _draw(self, cycle: Cycle) -> None:
+        view = self.world.sensed.view
+        if view is not None and np.isfinite(cycle.frame.poses).all():
+            T = cycle.frame.poses.reshape(-1, 3, 4)[self._bodies]
+            links = np.einsum("nij,nj->ni", T[:, :, :3], self._points) + T[:, :, 3]
+            self._draw_points(frontier(view, links), 0.1 * view.cell)
+
+
+def frontier(view: CellView, links: Floats) -> Floats:
+    """Middles of faces between known free and unknown cells, shape (k, 3) [m].
+
+    Args:
+        view: The cells.
+        links: Points of the links, shape (n, 3) [m]; the faces nearest to them.
+    """
+    low, high = links.min(axis=0) - BESIDE, links.max(axis=0) + BESIDE
+    corners = (np.array([low, high]) - view.middles(np.zeros(3))) / view.cell
+    first, last = np.clip(corners + np.array([[-1.0], [2.0]]), 0, view.size).astype(
+        np.int64
+    )
+    part = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+    free, occupied = view.known_free()[part], view.occupied()[part]
+    faces = [np.zeros((0, 3))]
+    for axis in range(3):
+        differ = np.diff(free, axis=axis) & ~np.diff(occupied, axis=axis)
+        middles = view.middles(first + np.argwhere(differ))
+        faces.append(middles + 0.5 * view.cell * np.eye(3)[axis])
+    points = np.concatenate(faces)
+    far = cKDTree(links).query(points, distance_upper_bound=BESIDE)[0]
+    order = np.argsort(far)[: min(int(np.isfinite(far).sum()), MOST_FACES)]
+    return np.asarray(points[order])
 
 
 def nearest_cells(view: CellView, places: Floats) -> Floats:

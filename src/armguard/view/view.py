@@ -27,7 +27,7 @@ from armguard.view.drawables import (
 )
 from armguard.view.login import Login
 from armguard.view.page_server import PageServer
-from armguard.view.sensed import SensedCells, SensorViews
+from armguard.view.sensed import Frontier, SensedCells, SensorViews
 from armguard.view.signals import MarkedPair, NearList, SignalPlot
 from armguard.view.state_message import state_message
 from armguard.view.viser_server import open_viser
@@ -217,7 +217,7 @@ class View:
 # What each scene is drawn by. Robots come first: others have nodes below their bodies.
 DRAWABLES: tuple[type[Drawable], ...] = (
     *(Robots, Objects, NearPairs),
-    *(Primitives, Shells, StopGhost, Leaves, SensedCells, SensorViews),
+    *(Primitives, Shells, StopGhost, Leaves, SensedCells, Frontier, SensorViews),
 )
 
 

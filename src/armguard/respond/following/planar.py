@@ -1,21 +1,23 @@
 """Following of sensed surfaces by planar arms, complete on the torus of their joints.
 
-The arm goes straight towards the goal in joint space, on the M-line, until its distance
-to what is sensed falls to the standoff. From that hit point it follows the set of
-joint positions at the standoff, the boundary of the obstacle in joint space, on one
-side, until it crosses the M-line nearer to the goal (Lumelsky, Cheung and Sun). Each
-leave is nearer to the goal than its hit point, so there are finitely many.
+The arm goes straight towards the goal in joint space until its distance to what is
+sensed falls to the standoff. From that hit point it follows the set of joint positions
+at the standoff, the boundary of the obstacle in joint space, on one side, until it is
+nearer to the goal than the hit point and the way straight ahead is free (Lumelsky,
+Cheung and Sun). Each leave is two steps nearer, so there are finitely many. A boundary
+that does not divide the arm from the goal has such a place: the last one at which it
+meets the straight way from the hit point to the goal.
 
-If the boundary returns to the hit point, it is known wholly. In the plane that covers
-the torus the goal is a lattice of points, and the boundary divides these. Those that
-are not on the arm's side are given up; without any the goal is unreachable.
+If the arm follows a part of the boundary again, that is known wholly. That part need
+not be at the hit point: what is sensed later moves the boundary. In the plane that
+covers the torus the goal is a lattice of points, and the boundary divides these. Those
+that are not on the arm's side are given up; without any the goal is unreachable.
 
 A prismatic last joint is retracted as far as the standoff demands. The more it is
 retracted the more is free, so the boundary is that of the retracted arm.
 """
 
 from math import hypot
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +45,10 @@ SQUARE = 0.01
 # Parts of a step towards the goal, and places of a prismatic joint, that are tried.
 PARTS, PLACES = 8, 25
 
+# A step is like an earlier one if it is within this distance of it, in steps, and their
+# directions have at least this cosine. After this many such steps a boundary is closed.
+ALIKE, SAME_WAY, REPEATED = 1.5, 0.3, 10
+
 # Steps around a boundary after which the follower gives up without a proof.
 MOST_STEPS = 20_000
 
@@ -53,30 +59,13 @@ LATTICE = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 2), axis=-1).reshape(-1, 2)
 AT_GOAL = 1e-9
 
 
-class Hit(NamedTuple):
-    """A point at which a boundary is met.
-
-    Attributes:
-        x: Joint positions, shape (2,) [rad].
-        left: Distance to the goal [rad].
-        blocked: A point behind the boundary, shape (2,) [rad].
-        heading: Direction in which the boundary is followed first [rad].
-        side: 1 with the obstacle to the left, -1 with it to the right.
-    """
-
-    x: Floats
-    left: float
-    blocked: Floats
-    heading: float
-    side: int
-
-
 class PlanarFollower:
     """Leads a planar arm to a goal by what its sensors see.
 
     Attributes:
         state: What it does. `UNREACHABLE` is proven up to the length of a step.
         held: Whether the standoff decided the last step.
+        curves: Boundaries that were followed wholly, the latest last.
 
     Args:
         arm: The arm. Its revolute joints have no limits.
@@ -96,8 +85,10 @@ class PlanarFollower:
         self._x, self._out = start[:2], float(start[2:].sum())
         self._end, self._outs = end[:2], (self._out, float(end[2:].sum()))
         self._points, self._squares = np.zeros((0, 2)), set[tuple[int, int]]()
-        self._near, self._curves = self._points, list[Curve]()
-        self._trail, self._heading, self._away = list[Floats](), 0.0, False
+        self._near, self.curves = self._points, list[Curve]()
+        self._trail, self._heading, self._repeated = start[None, :2], 0.0, 0
+        # Distance to the goal at the hit point, and the side of the obstacle: 1 left.
+        self._hit_left, self._side = np.inf, 1
         self.state, self.held = State.TO_GOAL, False
         self._aim(self._goals()[0])
 
@@ -150,45 +141,59 @@ class PlanarFollower:
             x = np.column_stack([x, np.broadcast_to(out, len(x))])
         return np.asarray(self.arm.distance(x, self._near).min(axis=1, initial=np.inf))
 
-    def _free(self, x: Floats) -> Bools:
-        """Whether the retracted arm keeps the standoff, or regains it, shape (k,)."""
-        here = float(self._clearance(self._x[None])[0])
-        return np.asarray(self._clearance(x) >= min(self.standoff, here + REGAIN))
+    def _free(self, x: Floats, shares: Floats | float = 1.0) -> Bools:
+        """Whether the retracted arm keeps the standoff, or regains it.
 
-    def _goals(self) -> Floats:
-        """Goals about the arm that no curve divides from it, the nearest first."""
+        Args:
+            x: Joint positions, shape (k, 2) [rad].
+            shares: Parts of a step that lead there, shape (k,) or a number.
+        """
+        here = self._clearance(self._x[None])[0]
+        least = np.minimum(self.standoff, here + REGAIN * np.asarray(shares))
+        return np.asarray(self._clearance(x) >= least)
+
+    def _ahead(self, goal: Floats) -> Floats:
+        """Free places of the next step straight to a goal, shape (k, 2) [rad]."""
+        way = goal - self._x
+        shares = np.arange(1, PARTS + 1) / PARTS
+        step = self.length / max(hypot(*way), self.length) * way
+        places = self._x + shares[:, None] * step
+        free = self._free(places, shares)
+        return places[: PARTS if free.all() else int(np.argmin(free))]
+
+    def _goals(self, within: float = np.inf) -> Floats:
+        """Goals that no curve divides from the arm, the nearest first, shape (k, 2).
+
+        Args:
+            within: Greatest distance [rad].
+        """
         around = np.round((self._x - self._end) / TURN)
         goals = self._end + TURN * (around + LATTICE)
-        for curve in self._curves:
+        far = np.linalg.norm(goals - self._x, axis=1)
+        goals = goals[np.argsort(far)][: int((far <= within).sum())]
+        for curve in self.curves:
             goals = goals[curve.free_side(goals)] if len(goals) else goals
-        return goals[np.argsort(np.linalg.norm(goals - self._x, axis=1))]
+        return goals
 
     def _aim(self, goal: Floats) -> None:
-        """Begin an M-line to a goal."""
+        """Begin a straight way to a goal."""
         self._goal, self._from = goal, self._x.copy()
         self.state = State.TO_GOAL
 
     def _straight(self) -> Floats:
-        """The next step along the M-line; a hit point where it is blocked."""
+        """The next step straight to the goal; a hit point where it is blocked."""
         way = self._goal - self._x
         left = hypot(*way)
-        if left <= AT_GOAL:
-            return self._x
-        unit, ahead = way / left, min(self.length, left)
-        shares = np.arange(1, PARTS + 1)[:, None] / PARTS
-        free = self._free(self._x + shares * ahead * unit)
-        count = PARTS if free.all() else int(np.argmin(free))
-        if count:
-            return np.asarray(self._x + count / PARTS * ahead * unit)
-        behind = self._x + self.length * np.linspace(0.2, 2.0, 10)[:, None] * unit
-        angle = float(np.arctan2(unit[1], unit[0]))
+        ahead = self._ahead(self._goal)
+        if left <= AT_GOAL or len(ahead):
+            return self._x if left <= AT_GOAL else ahead[-1]
+        angle = float(np.arctan2(way[1], way[0]))
         # The side on which the boundary leads more towards the goal.
         turns = {side: self._turn(angle, side) for side in (1, -1)}
         side = min(turns, key=lambda one: abs(turns[one] - angle))
-        blocked = behind[self._clearance(behind).argmin()]
-        self._hit = Hit(self._x.copy(), left, blocked, turns[side], side)
-        self._trail, self._away = [self._x.copy()], False
-        self._heading, self.state = self._hit.heading, State.FOLLOWING
+        self._hit_left, self._side = left, side
+        self._trail, self._repeated = self._x[None], 0
+        self._heading, self.state = turns[side], State.FOLLOWING
         return self._x
 
     def _turn(self, start: float, side: int) -> float:
@@ -216,56 +221,52 @@ class PlanarFollower:
     def _along(self) -> Floats:
         """The next step along the boundary."""
         if len(self._trail) > 1:
-            side = self._hit.side
-            self._heading = self._turn(self._heading + side * TOWARDS, side)
+            towards = self._heading + self._side * TOWARDS
+            self._heading = self._turn(towards, self._side)
         way = unit_vectors(np.array([self._heading]))[0]
         return np.asarray(self._x + self.length * way)
 
     def _trace(self) -> None:
-        """Leave the boundary where it crosses the M-line, or decide at its end."""
-        before, hit = self._trail[-1], self._hit
+        """Leave the boundary nearer to a goal, or decide where it is closed."""
+        before = self._trail[-1]
         if hypot(*(self._x - before)) < AT_GOAL:
             return
-        self._trail.append(self._x.copy())
+        self._trail = np.vstack([self._trail, self._x])
         if len(self._trail) > MOST_STEPS:
             self.state = State.UNDECIDED
             return
-        shift = self._crossed(before)
-        if shift is not None:
-            self._goal, self._from = self._goal + shift, self._from + shift
-            self.state = State.TO_GOAL
-            return
-        period = TURN * np.round((self._x - hit.x) / TURN)
-        gap = hypot(*(self._x - hit.x - period))
-        self._away = self._away or gap > 4.0 * self.length
-        alike = np.cos(self._heading - hit.heading) > 0.3
-        if self._away and gap < 1.5 * self.length and alike:
-            self._decide(Curve(np.array(self._trail), period, hit.blocked))
+        for goal in self._goals(self._hit_left - 2.0 * self.length):
+            if len(self._ahead(goal)) == PARTS:
+                self._aim(goal)
+                return
+        curve = self._closed()
+        if curve is not None:
+            self._decide(curve)
 
-    def _crossed(self, before: Floats) -> Floats | None:
-        """Vector of the lattice to the M-line that was crossed nearer to its goal."""
-        way = self._goal - self._from
-        middle = np.round((self._x - 0.5 * (self._from + self._goal)) / TURN)
-        shifts = TURN * (middle + LATTICE[np.abs(LATTICE).max(axis=1) <= 1])
-        for shift in shifts[np.argsort(np.abs(shifts).sum(axis=1), kind="stable")]:
-            ends = np.array([before, self._x]) - self._from - shift
-            side = way[0] * ends[:, 1] - way[1] * ends[:, 0]
-            rest = self._goal + shift - self._x
-            if side[0] * side[1] > 0.0 or ends[1] @ way < 0.0 or rest @ way < 0.0:
-                continue
-            left = hypot(*rest)
-            ahead = self._x + min(self.length / max(left, self.length), 1.0) * rest
-            if left < self._hit.left - 2.0 * self.length and self._free(ahead[None])[0]:
-                return np.asarray(shift)
-        return None
+    def _closed(self) -> Curve | None:
+        """The boundary, once the last steps have repeated earlier ones."""
+        trail = self._trail
+        gaps = self._x - trail
+        periods = TURN * np.round(gaps / TURN)
+        far = np.flatnonzero(np.hypot(*gaps.T) > 4.0 * self.length)
+        steps = np.diff(trail, axis=0)
+        sizes = np.maximum(np.hypot(*steps.T), AT_GOAL)
+        same = steps @ steps[-1] > SAME_WAY * sizes * sizes[-1]
+        same &= np.hypot(*(gaps - periods)[1:].T) < ALIKE * self.length
+        earlier = np.flatnonzero(same[: far.max(initial=0)]) + 1
+        self._repeated = self._repeated + 1 if len(earlier) else 0
+        if self._repeated < REPEATED:
+            return None
+        first = earlier[-1]
+        return Curve(trail[first:-1], periods[first], self._side)
 
     def _decide(self, curve: Curve) -> None:
         """Take another goal, or none, where a whole boundary is known."""
         if curve.free_side(self._goal[None])[0]:
-            # The crossing with the M-line was missed.
+            # It has a point from which the way is free, and that was missed.
             self.state = State.UNDECIDED
             return
-        self._curves.append(curve)
+        self.curves.append(curve)
         # A curve about an obstacle with one goal inside is about each goal alike.
         around_goal = curve.closed and not curve.around_arm
         goals = self._goals()
