@@ -128,9 +128,11 @@ def basis_of(
             is hit.
         out: The claims before.
     """
-    before, other = out.error[word], int(out.source[word])
-    farthest = np.float32(error) if whole else max(before, np.float32(error))
-    if confirms and farthest >= before:
+    before, other = float(out.error[word]), int(out.source[word])
+    # Errors are kept as singles.
+    rounded = float(np.float32(error))
+    farthest = rounded if whole else max(before, rounded)
+    if confirms and farthest > before:
         return before, other
     return farthest, source if whole else common_source(other, source)
 
