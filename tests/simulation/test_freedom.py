@@ -121,4 +121,7 @@ def test_what_cameras_see_of_cells_about_a_box():
     # The edge of the shadow is 125 mm off the middle, this cell's 120 to 140 mm.
     part = Seen(IN_PART, 18, "a foreign object")
     assert seen_cell(world, (-0.27, 1.046, 0.8)) == (False, part)
+    # The middle of this one is in the shadow, which leaves a third of its points.
+    mostly = Seen(HIDDEN, 9, "a foreign object")
+    assert seen_cell(world, (-0.28, 1.046, 0.8)) == (False, mostly)
     assert seen_cell(world, (-0.4, 1.0, 2.4)) == (False, Seen())
