@@ -73,7 +73,9 @@ def summed_up(episodes: list[Episode]) -> Figures:
         "contacts": {n: sum(is_contact(e["runs"][n]) for e in episodes) for n in names},
         "least_mm": 1e3 * min((found["least"] for found in every), default=SIGHT),
         "lost": added(found["lost"] for found in every),
+        "cells": added(found["cells"] for found in every),
         "stops": added(found["stops"] for found in every),
+        "needless": added(found["needless"] for found in every),
         "modelled_stops": added(e["modelled"]["stops"] for e in episodes),
         "worked_s": sum(found["worked_s"] for found in every),
     }

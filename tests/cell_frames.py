@@ -17,11 +17,11 @@ def show(cells, hits, passes, sure=None):
     look.notes["touched"] = len(touched)
 
 
-def feed(cells, hits, passes, stamp=0.0, error=0.0, sure=None):
+def feed(cells, hits, passes, stamp=0.0, error=0.0, sure=None, source=NO_SENSOR):
     """Let a map take a frame of given cells, grids by x, y, z."""
     show(cells, hits, passes, sure)
     settle(
-        stamp, error, cells.settles, NO_SENSOR,
+        stamp, error, cells.settles, source,
         cells._frame.lines, cells._evidence.lines, cells._claims.lines,
     )  # fmt: skip
 

@@ -1,14 +1,12 @@
 """Runs of one world: known by the scene, by sensors, or by OctoMap and a distance."""
 
-from collections import Counter, deque
+from collections import deque
 from time import process_time
 from typing import Any, Protocol
 
 import numpy as np
 
 import armguard as ag
-from armguard.guard import Level
-from armguard.guard.near_pair import NearPair
 from armguard.guard.verdict import Verdict
 from armguard.scene.compile import compile_scene
 from armguard.simulation.sensed import TRANSPORT
@@ -17,11 +15,10 @@ from arrays import Floats
 from closed_loop.judge import Judge
 from closed_loop.judge_model import SIGHT
 from evading.episode import Plant
+from freedom.losses import Losses
+from freedom.sight import Frame
+from freedom.tally import Tally
 from freedom.worlds import PERIOD, SECONDS, World, modelled_bay, sensing_bay
-
-# Cycles from one look at the causes of slowing to the next, and share of the desired
-# motion from which a loss has a cause [-].
-EVERY, LOST = 5, 0.02
 
 
 class Commanding(Protocol):
@@ -42,6 +39,9 @@ class Commanding(Protocol):
 class Frames:
     """Frames of simulated sensors that come when they are due.
 
+    Attributes:
+        taken: Those that came.
+
     Args:
         scene: The scene with the sensors.
         world: The foreign objects that they see.
@@ -58,6 +58,7 @@ class Frames:
             for k, (name, sensor) in enumerate(scene.sensors.items())
         }
         self._past: deque[tuple[float, Floats]] = deque(maxlen=100)
+        self.taken: list[Frame] = []
 
     def look(self, q: Floats, stamp: float, now: float) -> list[tuple[Any, ...]]:
         """Names, distances, status and stamps of the frames that are there now.
@@ -77,11 +78,15 @@ class Frames:
             _, then = min(self._past, key=lambda past: abs(past[0] - measured))
             reading = self._rig.read(name, then)
             found.append((name, *reading, measured + sensor.delay))
+            self.taken.append(Frame(name, then))
         return found
 
 
 class Sensing:
     """A guard that knows foreign objects by sensors alone.
+
+    Attributes:
+        losses: Causes of what it loses.
 
     Args:
         world: The world.
@@ -96,6 +101,9 @@ class Sensing:
         self._sense = ag.Sense(scene, self._guard)
         self._frames = Frames(scene, world, seed)
         self.tables, self.engage = self._guard.tables, self._guard.engage
+        self.losses = Losses(
+            scene, modelled_bay(world), self._sense.cells, self._frames.taken
+        )
 
     def filter(
         self, q: Floats, v_desired: Floats, stamp: float, *, velocity: Floats,
@@ -123,18 +131,16 @@ def run(world: World, guard: Commanding, seed: int) -> dict[str, Any]:
 
     Returns:
         Desired way and the part of it that was done, summed over joints [rad]; least
-        distance of a foreign object to an arm that moves, at most `SIGHT` [m]; ways
-        that were lost by cause [rad]; stops by cause.
+        distance of a foreign object to an arm that moves, at most `SIGHT` [m]; figures
+        of `Tally`.
     """
     begin = process_time()
     scene = modelled_bay(world)
     judge = Judge(scene, compile_scene(scene))
     plant = Plant(guard, scene.home, np.random.default_rng(seed))
+    tally = Tally(plant, guard.losses if isinstance(guard, Sensing) else None)
     wanted = done = 0.0
     least = SIGHT
-    lost: Counter[str] = Counter()
-    stops: Counter[str] = Counter()
-    stopped = dict.fromkeys(plant.own, True)
     while plant.time < SECONDS:
         desired = world.desired(plant.time)
         command = plant.drive(desired)
@@ -143,20 +149,11 @@ def run(world: World, guard: Commanding, seed: int) -> dict[str, Any]:
         done += PERIOD * float(kept.sum())
         if (plant.v != 0.0).any():
             least = min(least, foreign_gap(judge, plant.q))
-        verdict = command.verdict
-        if not isinstance(verdict, Verdict):
-            continue
-        for arm, own in plant.own.items():
-            missed = float((np.abs(desired) - kept)[own].sum())
-            if plant.cycles % EVERY == 0 and missed > LOST * np.abs(desired[own]).sum():
-                lost[cause_of(verdict, arm)] += EVERY * PERIOD * missed
-            stops_now = verdict.levels[arm] >= Level.STOP
-            if stops_now and not stopped[arm]:
-                stops[cause_of(verdict, arm)] += 1
-            stopped[arm] = stops_now
+        if isinstance(command.verdict, Verdict):
+            tally.count(command.verdict, np.abs(desired), kept)
     return {
-        "wanted": wanted, "done": done, "least": least, "lost": dict(lost),
-        "stops": dict(stops), "worked_s": process_time() - begin,
+        "wanted": wanted, "done": done, "least": least, **tally.figures(),
+        "worked_s": process_time() - begin,
     }  # fmt: skip
 
 
@@ -168,19 +165,3 @@ def foreign_gap(judge: Judge, q: Floats) -> float:
         for pair in geoms.tolist()
     ]
     return float(distances[own].min(initial=SIGHT)) if len(geoms) else SIGHT
-
-
-def cause_of(verdict: Verdict, arm: str) -> str:
-    """What slows or stops an arm: side B of its pair with the least headroom."""
-    if not np.isfinite(verdict.headroom.m) or not verdict.near:
-        return verdict.causes.get(arm, verdict.reason).name
-    pairs = [p for p in verdict.near if arm in (p.a.split("/")[0], p.b.split("/")[0])]
-    nearest = min(pairs, key=lambda pair: pair.headroom, default=None)
-    return "no near pair" if nearest is None else side_of(nearest)
-
-
-def side_of(pair: NearPair) -> str:
-    """Kind of side B of a pair."""
-    if pair.sensed is not None:
-        return "not known free" if pair.sensed.unseen else "occupied"
-    return "foreign object" if pair.b.startswith("foreign") else "model"

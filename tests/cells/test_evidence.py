@@ -5,7 +5,7 @@ import pytest
 
 import armguard as ag
 from armguard.cells.grid import packed, unpacked
-from armguard.cells.state import Motion
+from armguard.cells.state import SEVERAL, Motion
 from cell_frames import counts, feed
 
 SIDE = 64
@@ -13,6 +13,11 @@ SIDE = 64
 
 def empty():
     return ag.CellMap((0, 0, 0), 0.01, SIDE)
+
+
+def basis(cells):
+    """Error and source of the claims of the first word."""
+    return cells.claims.error[0], cells.claims.source[0]
 
 
 def some(rng, share):
@@ -121,6 +126,56 @@ def test_a_word_has_the_stamp_at_which_all_its_claims_were_looked_at():
     # Of an older frame only a part: the claims are as old as it is.
     feed(cells, nothing, half, 2.5, 0.001)
     assert cells.claims.stamp[0] == 2.5
+
+
+def test_a_frame_that_only_confirms_does_not_worsen_what_is_known():
+    cells = empty()
+    nothing = np.zeros((SIDE,) * 3, dtype=bool)
+    half, rest = nothing.copy(), nothing.copy()
+    half[:2, :4, :4], rest[3, :4, :4] = True, True
+    feed(cells, nothing, half, 1.0, 0.005, source=1)
+    # All that is known, a part of it, and the space of a link.
+    feed(cells, nothing, half, 2.0, 0.014, source=2)
+    feed(cells, nothing, half & (np.arange(SIDE) < 2), 3.0, 0.014, source=2)
+    link = ag.Pose(xyz=cells.middles([[0, 0, 0], [1, 3, 3]]).mean(axis=0).tolist())
+    cells.own([(ag.Box(size=(0.06, 0.09, 0.09)), link)])
+    feed(cells, nothing, nothing, 3.5, 0.014, source=2)
+    assert basis(cells) == (np.float32(0.005), 1)
+    known = cells.known_free()
+    assert known[2, :4, :4].any()
+    # A better pose counts, and so does the worse one of new space.
+    cells.own(())
+    feed(cells, nothing, known, 4.0, 0.003, source=3)
+    assert basis(cells) == (np.float32(0.003), 3)
+    feed(cells, nothing, rest, 5.0, 0.014, source=2)
+    assert basis(cells) == (np.float32(0.014), SEVERAL)
+
+
+def test_what_a_frame_hits_or_removes_is_known_by_its_pose():
+    cells = empty()
+    nothing = np.zeros((SIDE,) * 3, dtype=bool)
+    word, one = nothing.copy(), nothing.copy()
+    word[:4, :4, :4], one[1, 1, 1] = True, True
+    feed(cells, nothing, word, 1.0, 0.005, source=1)
+    for stamp in (2.0, 3.0, 4.0, 5.0):
+        feed(cells, one, nothing, stamp, 0.014, source=2)
+        assert basis(cells) == (np.float32(0.014), SEVERAL)
+        feed(cells, one, word & ~one, stamp + 0.5, 0.005, source=1)
+        assert basis(cells) == (np.float32(0.005), 1)
+    while cells.occupied().any():
+        assert basis(cells) == (np.float32(0.005), 1)
+        feed(cells, nothing, one, 6.0, 0.014, source=2)
+    assert basis(cells) == (np.float32(0.014), SEVERAL)
+
+
+def test_what_is_forgotten_in_time_is_known_by_the_newest_frame():
+    cells = ag.CellMap((0, 0, 0), 0.01, SIDE, intruder_speed=1.6)
+    nothing = np.zeros((SIDE,) * 3, dtype=bool)
+    word = nothing.copy()
+    word[:4, :4, :4] = True
+    feed(cells, nothing, word, 1.0, 0.005, source=1)
+    feed(cells, nothing, word, 2.0, 0.014, source=2)
+    assert basis(cells) == (np.float32(0.014), 2)
 
 
 def test_what_appears_in_free_space_moves_until_it_has_settled():

@@ -44,6 +44,21 @@ def test_what_another_sensor_has_seen_since_stays(cells):
     assert np.array_equal(cells.known_free(), SECOND)
 
 
+def test_what_a_worse_pose_has_confirmed_goes_with_the_better_one():
+    cells = ag.CellMap((0, 0, 0), 0.02, SIDE)
+    show(cells, NOTHING, FIRST)
+    cells._settle(0.0, 0.005, 1)
+    # The second sensor confirms, and frees that space by its own pose once it is gone.
+    for stamp, error, free in ((0.1, 0.005, False), (0.2, 0.014, True)):
+        show(cells, NOTHING, FIRST)
+        cells._settle(stamp, 0.014, 2)
+        assert np.array_equal(cells.known_free(), FIRST)
+        errors = cells.claims.error[cells.claims.source > 0]
+        assert errors == pytest.approx(np.full(512, error), abs=1e-6)
+        cells.withdraw(1)
+        assert cells.known_free().any() == free
+
+
 def test_words_of_several_sensors_are_withdrawn_by_cells_and_forgotten_whole(cells):
     # A part of words that it shares with the first one.
     feed(cells, NOTHING, PART, 0.2, source=3)

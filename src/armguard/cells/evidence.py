@@ -111,6 +111,33 @@ def motion_of(
 
 
 @kernel
+def basis_of(
+    word: int, error: float, source: int, whole: bool, confirms: bool, out: Claims
+) -> tuple[float, int]:
+    """Error of the pose and source from which the claims of a word are after a frame.
+
+    A frame of a worse pose that only confirms them changes neither: they hold already,
+    by better poses.
+
+    Args:
+        word: The word.
+        error: Error of the frame's pose [m].
+        source: Its sensor.
+        whole: Whether it looked at all cells that are not unknown.
+        confirms: Whether no claim has changed, none is forgotten in time, and nothing
+            is hit.
+        out: The claims before.
+    """
+    before, other = float(out.error[word]), int(out.source[word])
+    # Errors are kept as singles.
+    rounded = float(np.float32(error))
+    farthest = rounded if whole else max(before, rounded)
+    if confirms and farthest > before:
+        return before, other
+    return farthest, source if whole else common_source(other, source)
+
+
+@kernel
 def settle_word(
     word: int, stamp: float, error: float, settles: float, source: int,
     look: Look, evidence: Evidence, out: Claims,
@@ -141,17 +168,17 @@ def settle_word(
         word, stamp, settles, int(out.motion[word]), hit != 0, appeared, occupied,
         evidence,
     )  # fmt: skip
-    if looked & ~unknown == ~unknown:
-        at, farthest, origin = stamp, np.float32(error), source
-    else:
-        # Some claims are older than this frame, or of a worse pose.
+    whole, at = looked & ~unknown == ~unknown, stamp
+    if not whole:
         at = min(out.stamp[word], stamp)
-        farthest = max(out.error[word], np.float32(error))
-        origin = common_source(int(out.source[word]), source)
         aged = occupied if motion == STILL else occupied & evidence.moving[word]
         if occupied != 0 and aged & ~looked == 0:
             # It matters of no other cells when they were seen.
             at = stamp
+    # Cells in own links are free whatever the pose of the sensor.
+    news = hit | occupied ^ occupied_before | unknown_before & ~(unknown | inside)
+    confirms = news == 0 and look.seen.shape[0] == 0
+    farthest, origin = basis_of(word, error, source, whole, confirms, out)
     # Of a word without occupied cells the time of the look matters to no reader, and of
     # one that is wholly free its error neither: most words of most frames.
     changed = occupied != occupied_before or unknown != unknown_before
