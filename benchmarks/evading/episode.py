@@ -133,7 +133,7 @@ def run_episode(
         name: Where, "bay" or "pandas".
         seed: Number of the episode.
         evade: Whether the arms get out of the way.
-        sensed: Whether cameras see the projectile, and the guard is told nothing of it.
+        sensed: Whether the guard knows the projectile by cameras alone.
     """
     begin = process_time()
     rng = np.random.default_rng([seed, 3])
