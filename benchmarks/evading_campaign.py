@@ -3,14 +3,15 @@
 make evading                              500 episodes each of the bay and two Pandas
 make evading ARGS="--episodes 100 --seconds 600"   some of them, for so long at most
 make evading ARGS="--kind bay --first 17 --episodes 1 --show"   one of them
+make evading ARGS="--kind sensed-bay"   objects that only cameras see
 
 It resumes: seeds that were run with the same kernels, plant, throws and judge are known
 from docs/evading.json, which is written every twenty episodes.
 
 A ball or a box comes straight at a link of an arm that rests or works. The guard is
-given its place and its velocity; the plant is late and misses its commands, by
-all that the scene declares. MuJoCo judges true states; an off-line search says whether
-there was a way out at all.
+given its place and its velocity, or simulated cameras see it. The plant is late and
+misses its commands, by all that the scene declares. MuJoCo judges true states; an
+off-line search says whether there was a way out at all.
 """
 
 import sys
@@ -120,7 +121,10 @@ def is_notable(episode: Figures) -> bool:
 
 CAMPAIGN = Campaign(
     results=DOCS / "evading.json",
-    kinds={place: partial(run_episode, place) for place in PLACES},
+    kinds={
+        **{place: partial(run_episode, place) for place in PLACES},
+        **{f"sensed-{p}": partial(run_episode, p, sensed=True) for p in PLACES},
+    },
     version=version_of("evading.episode"),
     extreme=EXTREME,
     summed_up=lambda _, episodes: summed_up(episodes),

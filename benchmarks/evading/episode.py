@@ -12,6 +12,7 @@ from arrays import Bools, Floats
 from episodes.classes import classes
 from episodes.follower import Follower
 from evading.places import MOVER, PERIOD, Findings, Place
+from evading.sensed import Watcher
 from evading.throws import BEFORE, SPEEDS, Search, Throw, drawn_projectile, drawn_throw
 
 
@@ -123,13 +124,16 @@ class Sight:
         self._next = plant.time + PERIOD * int(self.rng.integers(1, SEEN_EVERY + 1))
 
 
-def run_episode(name: str, seed: int, *, evade: bool = True) -> dict[str, Any]:
+def run_episode(
+    name: str, seed: int, *, evade: bool = True, sensed: bool = False
+) -> dict[str, Any]:
     """One episode: what the judge and the search found.
 
     Args:
         name: Where, "bay" or "pandas".
         seed: Number of the episode.
         evade: Whether the arms get out of the way.
+        sensed: Whether the guard knows the projectile by cameras alone.
     """
     begin = process_time()
     rng = np.random.default_rng([seed, 3])
@@ -137,9 +141,13 @@ def run_episode(name: str, seed: int, *, evade: bool = True) -> dict[str, Any]:
     projectile = drawn_projectile(rng, speed)
     place = Place(name, projectile, evade=evade)
     throw = drawn_throw(rng, place, projectile, speed)
-    guard = Guard(place.scene, self_test=False)
-    plant = Plant(guard, throw.q, rng)
-    sight, found = Sight(guard, throw, rng), Findings()
+    sight: Sight | Watcher
+    if sensed:
+        sight = guard = Watcher(name, throw, seed, evade=evade)
+    else:
+        guard = Guard(place.scene, self_test=False)
+        sight = Sight(guard, throw, rng)
+    plant, found = Plant(guard, throw.q, rng), Findings()
     first = (BEFORE, plant.q, plant.v)
     while plant.time < throw.duration:
         if plant.time <= BEFORE:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armguard.geometry import Box, Pose, Sphere
+from armguard.geometry.shapes import Shape
 from armguard.scene import Scene, SceneTables
 from armguard.scene.compile import compile_scene
 from armguard.scene.settings import ResponseSettings
@@ -155,6 +156,12 @@ class Projectile:
     is_box: bool
     top_speed: float
 
+    @property
+    def shape(self) -> Shape:
+        """Its shape."""
+        sides = tuple(2.0 * h for h in self.half)
+        return Box(size=sides) if self.is_box else Sphere(radius=self.half[0])
+
     def at(self, xyz: Floats) -> Pose:
         """Its frame where it is in a place [m]."""
         return Pose(xyz=tuple(xyz.tolist()), rpy=self.turn)
@@ -191,11 +198,8 @@ def built(name: str, projectile: Projectile, evade: bool) -> Scene:
         bare,
         lambda name: {"stopping": bare.robots[name].stopping, "response": evades},
     )
-    half = projectile.half
-    size = tuple(2.0 * h for h in half)
-    shape = Box(size=size) if projectile.is_box else Sphere(radius=half[0])
     scene.add(
-        shape,
+        projectile.shape,
         name=MOVER,
         pose=projectile.at(np.array(AWAY)),
         present=False,

@@ -13,6 +13,7 @@ import pytest
 from armguard import Box, Guard, Pose, Reason, Region, Sphere, bay_scene
 from armguard.cells.deltas import Delta
 from armguard.errors import ArmguardError, RefusedError
+from armguard.guard.clusters import Cluster
 from armguard.guard.objects import SightingError
 from armguard.record import dtype_of
 from armguard.recording.calls import CALLS, Call, GuardCall, call_of
@@ -34,6 +35,7 @@ BOX = Box(size=(0.2, 0.4, 0.6))
 
 # Changes of two words of a map.
 CHANGES = b64encode(bytes(range(2 * dtype_of(Delta).itemsize))).decode()
+CLUSTERS = b64encode(bytes(range(2 * dtype_of(Cluster).itemsize))).decode()
 
 
 # Calls with what programs give them, and their text in recordings since version 0.1.
@@ -112,6 +114,7 @@ EVENTS = (
         {"deltas": CHANGES, "stamp": 2.5},
         f'"deltas": "{CHANGES}", "stamp": 2.5',
     ),
+    ("update_clusters", {"clusters": CLUSTERS}, f'"clusters": "{CLUSTERS}"'),
 )
 
 # What of the guard is no call: cycles, looks, and what only other guards are used for.

@@ -38,6 +38,13 @@ def test_arms_that_evade_touch_nothing_else():
     assert found["evaded"] > 0
 
 
+def test_an_arm_evades_a_slow_object_that_only_cameras_see():
+    (episode,) = CAMPAIGN.run("sensed-bay", [1])
+    assert episode["evadable"] and episode["evaded"]
+    assert episode["touched"] == []
+    assert run_episode("bay", 1, sensed=True, evade=False)["hit"] is not None
+
+
 def test_a_projectile_touches_the_arm_it_is_thrown_at_when_it_is_said_to(thrown):
     place, throw = thrown
     for off, sign in ((-0.03, 1.0), (0.03, -1.0)):

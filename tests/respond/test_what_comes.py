@@ -4,13 +4,14 @@ import numba
 import numpy as np
 import pytest
 
+from armguard.guard.clusters import Cluster
 from armguard.guard.watch import Given
 from armguard.guard.workspace import Settings
 from armguard.index.octree_state import ABSENT, INDEXED, Residency
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
-from armguard.respond.escape_state import EscapePlan
-from armguard.respond.evasion import BEHIND, BESIDE, FORESIGHT, look_for_approaching
+from armguard.respond.approaching import BEHIND, BESIDE, FORESIGHT, look_for_approaching
+from armguard.respond.escape_state import Approaching, EscapePlan
 from armguard.respond.state import Behaviour
 from records import record
 
@@ -35,8 +36,8 @@ def look(a, e, w, v, m):
     look_for_approaching(0, a, e, w, v, m)
 
 
-def found(centre, velocity, half=0.05, present=True):
-    """Whether an object comes, and when it has passed [s]."""
+def found(centre, velocity, half=0.05, present=True, as_cluster=False):
+    """Whether an object or a cluster comes, and when it has passed [s]."""
     boxes = BOXES.copy()
     boxes[3] = np.concatenate([np.array(centre) - half, np.array(centre) + half])
     residency = records(4, Residency)
@@ -44,22 +45,30 @@ def found(centre, velocity, half=0.05, present=True):
     residency[3].status = INDEXED if present else ABSENT
     settings, given = records(1, Behaviour), records(1, Given)[0]
     settings[0].evade_time, given.now = TIME, 5.0
+    clusters = records(1 if as_cluster else 0, Cluster)
+    clusters["low"], clusters["high"] = boxes[3, :3], boxes[3, 3:]
+    clusters["velocity"], clusters["stamp"] = velocity, 5.0 - AGE
     loop_settings = records(1, Settings)[0]
     loop_settings.moving_count = 3
     e = record(
         reach=np.zeros(6),
         own=np.zeros(4, dtype=np.int32),
-        approaching=np.zeros(16, dtype=np.int32),
+        approaching=records(16, Approaching),
         plan=records(1, EscapePlan)[0],
     )
     w = record(
         settings=loop_settings,
-        world=record(boxes=boxes),
+        world=record(
+            boxes=boxes, rows=np.zeros((4, 16)), kinds=np.zeros(4, dtype=np.int32)
+        ),
+        groups=np.zeros(4, dtype=np.int32),
+        sensed=record(slots=np.full((4, 2), 3, dtype=np.int32)),
         octree=record(residency=residency),
     )
     v = record(
         robot_of=np.array([0, 0, 1], dtype=np.int32),
-        movers=np.array([3], dtype=np.int32),
+        movers=np.array([] if as_cluster else [3], dtype=np.int32),
+        clusters=clusters,
         object_velocity=np.array([[0.0, 0, 0]] * 3 + [velocity], dtype=float),
         seen_at=np.full(4, 5.0 - AGE),
         given=given,
@@ -90,12 +99,15 @@ def passed(centre, velocity, half=0.05):
     return (ahead @ corners + BEHIND) / speed
 
 
-def test_what_gets_beside_a_robot_soon_comes_and_is_watched_until_it_has_passed():
+@pytest.mark.parametrize("as_cluster", [False, True])
+def test_what_gets_beside_a_robot_soon_comes_and_is_watched_until_it_has_passed(
+    as_cluster,
+):
     rng = np.random.default_rng(1)
     counted = 0
     for _ in range(300):
         centre, velocity = rng.uniform(-1.5, 1.5, 3), rng.normal(size=3)
-        does, horizon = found(centre, velocity)
+        does, horizon = found(centre, velocity, as_cluster=as_cluster)
         assert does == comes(centre, velocity)
         if does:
             known = min(max(passed(centre, velocity), 0.0), 8.0)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.clusters import MOST_CLUSTERS, Cluster
 from armguard.guard.static_errors import static_errors, static_needs
 from armguard.guard.watch import (
     DELAY_SHARE,
@@ -152,6 +153,7 @@ def sightings_at_start(tables: SceneTables) -> dict[str, Any]:
         "sighted_at": np.full(count, -np.inf),
         "object_velocity": np.zeros((len(speeds), 3)),
         "object_stale": ages_of_objects(count, tables),
+        "clusters": records(MOST_CLUSTERS if tables.sensing else 0, Cluster),
         "evaded": np.zeros(len(speeds), dtype=np.int64),
         "doubt": np.zeros(count, dtype=np.int64),
     }

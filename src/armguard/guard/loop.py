@@ -65,7 +65,7 @@ OTHER_THREAD = "another thread is in a cycle of this guard; a guard is for one t
 # Arrays that `reset` does not change: figures of the scene, and sightings of objects.
 KEPT = (
     "timing static_error link_error robot_error top_speed seen_at object_velocity "
-    "doubt object_stale robot_of movers pair_blocks block_need"
+    "clusters doubt object_stale robot_of movers pair_blocks block_need"
 ).split()
 
 

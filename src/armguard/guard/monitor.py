@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armguard.errors import SceneError, UnknownNameError, did_you_mean
 from armguard.guard.answer import Names
+from armguard.guard.clusters import ClusterTable
 from armguard.guard.continuous import RESOLUTION, PathCheck, check_path
 from armguard.guard.contract import Contract, ContractTable
 from armguard.guard.given import NO_POSITIONS
@@ -86,6 +87,7 @@ class Monitor(Loop):
             # Compiles or loads the cycle; positions that are none change nothing.
             run_guarded_cycle(NO_POSITIONS, self._lines)
         load_kernels()
+        self._clusters = ClusterTable(self._watch.clusters)
         self._proven = ProvenLines(tables, self._objects, self._holding)
         self.home_verdict = self.judge_at_rest(self.tables.home)
         check_home(self.home_verdict, scene)
@@ -137,6 +139,7 @@ class Monitor(Loop):
     allow = delegated("_contracts", ContractTable.allow)
     swap_model = delegated("_grippers", Grippers.swap_model)
     update_cells = delegated("_sensed", SensedSpace.update_cells)
+    update_clusters = delegated("_clusters", ClusterTable.update_clusters)
     forgetting = delegated("_sensed", SensedSpace.forgetting)
     knowledge = delegated("_sensed", SensedSpace.knowledge)
     checker = delegated("_proven", ProvenLines.checker)

@@ -2,6 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
+from armguard.guard.clusters import Cluster
 from armguard.motion.state import StopClock
 from armguard.record import Records, record
 from armguard.table import (
@@ -230,6 +231,8 @@ class Watch(NamedTuple):
         evades: 1 where a robot evades an approaching object, shape (r,).
         object_velocity: Velocity of each primitive in its last sighting, shape (p, 3)
             or (0, 3) [m/s].
+        clusters: Clusters of sensed cells that move, shape (c,); one without velocity
+            is none.
         evaded: Bit set of the robots that evade each primitive, shape (p,) or (0,).
         judged_pairs: Pairs judged in this cycle: two primitives, and the pair's row in
             the answer or -1, shape (k, 3).
@@ -316,6 +319,7 @@ class Watch(NamedTuple):
     recover: LongVector
     evades: LongVector
     object_velocity: Matrix
+    clusters: Annotated[Records[Cluster], 1]
     evaded: LongVector
     judged_pairs: LongMatrix
     judged_left: Vector

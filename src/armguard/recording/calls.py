@@ -7,6 +7,7 @@ the guard to judge.
 
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidat
 from armguard.cells.deltas import Delta
 from armguard.geometry.pose import Pose
 from armguard.geometry.shapes import Shape
+from armguard.guard.clusters import Cluster
 from armguard.guard.contract import Region
 from armguard.record import dtype_of
 from armguard.recording.rights import Role
@@ -79,27 +81,28 @@ def region_words(region: Region) -> dict[str, Any]:
     }
 
 
-def changes_in(value: Any) -> Any:
-    """Changes of a map, also from their bytes in base 64."""
+def records_in(kind: type, value: Any) -> Any:
+    """Records of a kind, also from their bytes in base 64."""
     if not isinstance(value, str):
         return value
     try:
-        rows = np.frombuffer(b64decode(value, validate=True), dtype_of(Delta))
+        rows = np.frombuffer(b64decode(value, validate=True), dtype_of(kind))
     except ValueError:
         raise ValueError(
-            "it must be changes of a map, or their bytes in base 64"
+            f"it must be records of {kind.__name__}, or their bytes in base 64"
         ) from None
     return rows.view(np.recarray)
 
 
-def changes_words(value: Any) -> str:
-    """Changes of a map as a recording holds them."""
+def bytes_of(value: Any) -> str:
+    """Records as a recording holds them: their bytes in base 64."""
     return b64encode(value.tobytes()).decode()
 
 
-Changes = Annotated[
-    Any, PlainValidator(changes_in), PlainSerializer(changes_words, return_type=str)
-]
+RECORDS = PlainSerializer(bytes_of, return_type=str)
+
+Changes = Annotated[Any, PlainValidator(partial(records_in, Delta)), RECORDS]
+Moving = Annotated[Any, PlainValidator(partial(records_in, Cluster)), RECORDS]
 Numbers = Annotated[
     Floats | None,
     PlainValidator(numbers_in),
@@ -235,6 +238,12 @@ class UpdateCells(GuardCall, call="update_cells", right=Role.SENSE):
 
     deltas: Changes
     stamp: float
+
+
+class UpdateClusters(GuardCall, call="update_clusters", right=Role.SENSE):
+    """See `Guard.update_clusters`."""
+
+    clusters: Moving
 
 
 class Configure(Call, call="configure", right=Role.ADMINISTER):

@@ -24,7 +24,7 @@ from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT, Motion
 from armguard.respond.escape_cells import meets_cells
-from armguard.respond.escape_state import Escape
+from armguard.respond.escape_state import Approaching, Escape
 from armguard.respond.state import Response
 from armguard.robot.kinematics import forward_kinematics
 
@@ -127,14 +127,14 @@ def plan_way(r: int, go: float, e: Escape, w: Workspace, v: Watch, m: Motion) ->
         fastest = max(fastest, rate)
     coming = 0.0
     for c in range(plan.approaching_count):
-        coming = max(coming, speed_of(int(e.approaching[c]), v))
+        coming = max(coming, speed_of(e.approaching[c]))
     plan.closing_speed = APPROACHES * fastest + coming
 
 
 @kernel
-def speed_of(j: int, v: Watch) -> float:
-    """Observed speed of an object [m/s]."""
-    x, y, z = v.object_velocity[j, 0], v.object_velocity[j, 1], v.object_velocity[j, 2]
+def speed_of(obstacle: Approaching) -> float:
+    """Observed speed of an approaching obstacle [m/s]."""
+    x, y, z = obstacle.velocity[0], obstacle.velocity[1], obstacle.velocity[2]
     return sqrt(x * x + y * y + z * z)
 
 
@@ -218,22 +218,22 @@ def gap_to_approaching(
     """
     plan, least = e.plan, inf
     for c in range(plan.approaching_count):
-        j = int(e.approaching[c])
-        on = time + time_since(v.seen_at[j], v, m)
+        obstacle = e.approaching[c]
+        on = time + time_since(obstacle.seen_at, v, m)
         for k in range(3):
-            e.shift[4 * k + 3] = on * v.object_velocity[j, k]
-        place_row(w.world.kinds[j], w.world.rows[j], e.shift, e.obstacle)
+            e.shift[4 * k + 3] = on * obstacle.velocity[k]
+        place_row(obstacle.kind, obstacle.row, e.shift, e.obstacle)
         for k in range(plan.own_count):
             i = int(e.own[k])
-            if w.checked[w.groups[i], w.groups[j]] == 0:
+            if w.checked[w.groups[i], obstacle.group] == 0:
                 continue
-            need = obstacle_need(i, j, w, v, m)
-            if box_gap(e.boxes[i], w.world.boxes[j], e.shift) - need >= least:
+            need = obstacle_need(i, obstacle.group, w, v, m) + obstacle.error * on
+            if box_gap(e.boxes[i], obstacle.box, e.shift) - need >= least:
                 continue
             measure(
                 w.world.kinds[i],
                 e.rows[i],
-                w.world.kinds[j],
+                obstacle.kind,
                 e.obstacle,
                 e.witness,
             )
@@ -242,16 +242,24 @@ def gap_to_approaching(
                 least = gap
                 if gap < plan.gap:
                     plan.gap = gap
-                    plan.robot_primitive, plan.obstacle_primitive = i, j
+                    plan.robot_primitive, plan.obstacle = i, c
                     for x in range(e.witness.shape[0]):
                         e.closest[x] = e.witness[x]
     return least
 
 
 @kernel
-def obstacle_need(i: int, j: int, w: Workspace, v: Watch, m: Motion) -> float:
-    """Required separation from an obstacle that keeps its velocity [m]."""
-    need = w.buffers[w.groups[i], w.groups[j]] + v.link_error[i]
+def obstacle_need(i: int, group: int, w: Workspace, v: Watch, m: Motion) -> float:
+    """Required separation from an obstacle that keeps its velocity [m].
+
+    Args:
+        i: Primitive of the robot.
+        group: Group of the obstacle.
+        w: Workspace.
+        v: Watch.
+        m: Motion.
+    """
+    need = w.buffers[w.groups[i], group] + v.link_error[i]
     return float(need + v.robot_error[i] + m.blur[i])
 
 
@@ -331,7 +339,7 @@ def may_be_met(r: int, j: int, e: Escape, w: Workspace, v: Watch) -> bool:
     if robot_of(j, v) == r or w.octree.residency[j].status == ABSENT:
         return False
     for c in range(e.plan.approaching_count):
-        if e.approaching[c] == j:
+        if e.approaching[c].primitive == j:
             return False
     return True
 

@@ -15,7 +15,7 @@ from armguard.table import LongVector, Matrix, Vector, table
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
-# Greatest number of approaching primitives that are considered for a robot.
+# Greatest number of approaching obstacles that are considered for a robot.
 MOST_APPROACHING = 16
 
 # Directions in joint space that fill it evenly.
@@ -62,11 +62,11 @@ class EscapeMemory:
 
 @record
 class EscapePlan:
-    """Escape motion that is judged, and the primitives that it is judged by.
+    """Escape motion that is judged, and what it is judged by.
 
     Attributes:
         own_count: Primitives of the robot.
-        approaching_count: Primitives of approaching obstacles.
+        approaching_count: Approaching obstacles.
         other_count: Other primitives near its workspace.
         placed: Primitives that were placed.
         delay: Time until a command of this cycle takes effect [s].
@@ -80,7 +80,7 @@ class EscapePlan:
         gap: Least gap that was found [m].
         present_gap: Gap at the present positions; NaN before it was measured [m].
         robot_primitive: Primitive of the robot at the least gap.
-        obstacle_primitive: Primitive of the obstacle at the least gap.
+        obstacle: Number of the obstacle at the least gap, in `approaching`.
     """
 
     own_count: int
@@ -98,7 +98,32 @@ class EscapePlan:
     gap: float
     present_gap: float
     robot_primitive: int
-    obstacle_primitive: int
+    obstacle: int
+
+
+@record
+class Approaching:
+    """An obstacle that approaches a robot, as it was seen last.
+
+    Attributes:
+        primitive: Its primitive; -1 for a cluster of sensed cells.
+        group: Group of its pairs.
+        kind: ShapeKind.
+        row: Row of its shape, world, shape (16,).
+        box: Box around its shape, shape (6,) [m].
+        velocity: Its velocity, shape (3,) [m/s].
+        error: How far off the velocity may be [m/s].
+        seen_at: When it was seen, see `Watch.seen_at` [s].
+    """
+
+    primitive: int
+    group: int
+    kind: int
+    row: Annotated[Floats, (ROW_WIDTH,)]
+    box: Annotated[Floats, (6,)]
+    velocity: Annotated[Floats, (3,)]
+    error: float
+    seen_at: float
 
 
 @table
@@ -112,7 +137,7 @@ class Escape(NamedTuple):
         plan: The judged motion.
         trial: Joint velocities of the judged motion, shape (n,) [rad/s or m/s].
         own: Primitives of the robot, shape (m,).
-        approaching: Primitives of approaching obstacles, shape (MOST_APPROACHING,).
+        approaching: Approaching obstacles, shape (MOST_APPROACHING,).
         others: Other primitives near the robot's workspace, shape (p,).
         q: Scratch for joint positions on a motion, shape (n,) [rad or m].
         T: Scratch for poses of the bodies at q, shape (b, 12).
@@ -136,7 +161,7 @@ class Escape(NamedTuple):
     plan: EscapePlan
     trial: Vector
     own: LongVector
-    approaching: LongVector
+    approaching: Annotated[Records[Approaching], 1]
     others: LongVector
     q: Vector
     T: Matrix
@@ -164,7 +189,7 @@ def escape_of(tables: SceneTables) -> Escape:
         plan=records((), EscapePlan),
         trial=np.zeros(n),
         own=np.zeros(m, dtype=np.int64),
-        approaching=np.zeros(MOST_APPROACHING, dtype=np.int64),
+        approaching=records(MOST_APPROACHING, Approaching),
         others=np.zeros(len(tables.kinds), dtype=np.int64),
         q=np.zeros(n),
         T=np.zeros((bodies, 12)),

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, any_perpendicular, cross, dot, norm, scaled
-from armguard.guard.watch import Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 from armguard.motion.nearest import joint_way
@@ -49,17 +48,17 @@ def way_count(r: int, m: Motion) -> int:
 
 
 @kernel
-def look_across(r: int, e: Escape, w: Workspace, v: Watch, m: Motion) -> None:
+def look_across(r: int, e: Escape, w: Workspace, m: Motion) -> None:
     """Write directions normal to the nearest obstacle's velocity, and a Jacobian.
 
     The Jacobian is that of the robot's witness point.
     """
-    i, j = e.plan.robot_primitive, e.plan.obstacle_primitive
-    speed = speed_of(j, v)
+    i, obstacle = e.plan.robot_primitive, e.approaching[e.plan.obstacle]
+    speed = speed_of(obstacle)
     ahead = (
-        v.object_velocity[j, 0] / speed,
-        v.object_velocity[j, 1] / speed,
-        v.object_velocity[j, 2] / speed,
+        obstacle.velocity[0] / speed,
+        obstacle.velocity[1] / speed,
+        obstacle.velocity[2] / speed,
     )
     # From the obstacle to the arm, without the part along the obstacle's velocity.
     n = (-e.closest[7], -e.closest[8], -e.closest[9])

@@ -1,45 +1,39 @@
 """Evasion: a robot moves out of the path of approaching obstacles.
 
-An object is assumed to keep its observed velocity. If that would bring it too near to a
-robot that follows its request, escape motions are judged over the time until all
-obstacles have passed. While a good one is known the robot waits until its `evade_time`;
-then, or if none is good, it takes the best one. This one is judged again in every
-cycle, with some others. The robot stays aside until the obstacles have passed or its
-request is free again. All other pairs keep their required separations: if no motion
-satisfies that, the robot stays.
+An obstacle is a moving object or a cluster of sensed cells. It is assumed to keep its
+observed velocity. If that would bring it too near to a robot that follows its request,
+escape motions are judged over the time until all obstacles have passed. While a good
+one is known the robot waits until its `evade_time`; then, or if none is good, it takes
+the best one. This one is judged again in every cycle, with some others. The robot stays
+aside until the obstacles have passed or its request is free again. All other pairs keep
+their required separations, those of sensed cells too: if no motion satisfies that, the
+robot stays.
 """
 
 from enum import IntEnum
-from math import inf, nan
+from math import inf
 
 from armguard.guard.commands import time_passed
 from armguard.guard.motion_pairs import asks_index
-from armguard.guard.needs import robot_of, time_since
+from armguard.guard.needs import robot_of
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
 from armguard.guard.workspace import Workspace
-from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, PROVEN
 from armguard.motion.state import Motion
 from armguard.record import clear
+from armguard.respond.approaching import (
+    FORESIGHT,
+    NO_PRIMITIVE,
+    has_cluster,
+    is_approaching,
+    look_for_approaching,
+)
 from armguard.respond.engagement import NO_REQUEST
-from armguard.respond.escape_path import ENOUGH, NEAR, judge_way, may_be_met, speed_of
-from armguard.respond.escape_state import MOST_APPROACHING, Escape
+from armguard.respond.escape_path import ENOUGH, NEAR, judge_way, may_be_met
+from armguard.respond.escape_state import Escape
 from armguard.respond.escape_ways import look_across, way_count, write_way
 from armguard.respond.state import Response
-
-# Least speed of an approaching obstacle [m/s].
-SLOWEST = 0.01
-
-# Time ahead for which obstacles are sought, as a multiple of `evade_time` [-], and
-# greatest distance from their paths [m].
-FORESIGHT = 2.0
-BESIDE = 0.15
-
-# Distance behind a robot at which an obstacle has passed [m], and greatest horizon of
-# the prediction [s].
-BEHIND = 0.15
-FARTHEST = 8.0
 
 # Time for which a robot is assumed to follow its request [s].
 REQUEST_TIME = 0.25
@@ -76,7 +70,7 @@ class Search(IntEnum):
 
 @kernel
 def look_for_threats(a: Response, w: Workspace) -> None:
-    """Find robots with approaching obstacles, where any object moves.
+    """Find robots with approaching obstacles, where anything may move.
 
     Args:
         a: The responses; `requested` is written already.
@@ -85,7 +79,11 @@ def look_for_threats(a: Response, w: Workspace) -> None:
     v = w.watch
     for r in range(v.evades.shape[0]):
         v.evades[r] = 0
-    if v.movers.shape[0] != 0:
+    moves = v.movers.shape[0] != 0
+    if v.clusters.shape[0] != 0 and w.settings.sensed != 0:
+        for r in range(v.evades.shape[0]):
+            moves |= a.settings[r].evade_time != 0.0
+    if moves:
         evade_all(a, w)
 
 
@@ -107,7 +105,9 @@ def evade_all(a: Response, w: Workspace) -> None:
         if evades(r, a, e, w, v, m):
             v.evades[r] = 1
             for c in range(e.plan.approaching_count):
-                v.evaded[e.approaching[c]] |= 1 << r
+                # Cells remain obstacles, also those of an evaded cluster.
+                if e.approaching[c].primitive != NO_PRIMITIVE:
+                    v.evaded[e.approaching[c].primitive] |= 1 << r
 
 
 @kernel
@@ -140,11 +140,12 @@ def evades(
     approaches = e.plan.approaching_count > 0
     if approaches and is_threatened(r, a, e, w, v, m):
         left = e.plan.near_at / a.settings[r].evade_time
-        look_across(r, e, w, v, m)
+        look_across(r, e, w, m)
         look_for_others(r, e, w, v)
         if notes.evading == 0:
             found = look_for_way(r, a, e, w, m)
-            if found == Search.GOOD and left > 1.0:
+            # Cells grow at the speed of an intruder: later no motion can be proven.
+            if found == Search.GOOD and left > 1.0 and not has_cluster(e):
                 return False
             if found == Search.OPEN and left > LOOKS_UNTIL:
                 return False
@@ -182,9 +183,8 @@ def is_threatened_at_rest(r: int, e: Escape, w: Workspace, v: Watch) -> bool:
         proof = near.proof
         if robot_of(i, v) != r or proof == PROVEN or proof == ALLOWED:
             continue
-        for c in range(e.plan.approaching_count):
-            if e.approaching[c] == j:
-                return True
+        if is_approaching(j, e, w):
+            return True
     return False
 
 
@@ -227,50 +227,6 @@ def look_for_way(r: int, a: Response, e: Escape, w: Workspace, m: Motion) -> Sea
         notes.next_candidate = (notes.next_candidate + 1) % ways
         notes.judged += 1
     return Search.OPEN
-
-
-@kernel
-def look_for_approaching(
-    r: int, a: Response, e: Escape, w: Workspace, v: Watch, m: Motion
-) -> None:
-    """Find the obstacles that approach a robot; write the time until they have passed.
-
-    The robot's own primitives are listed as well.
-    """
-    plan, reach, boxes = e.plan, e.reach, w.world.boxes
-    plan.own_count = plan.approaching_count = 0
-    for k in range(3):
-        reach[k], reach[k + 3] = inf, -inf
-    for i in range(w.settings.moving_count):
-        if robot_of(i, v) != r:
-            continue
-        e.own[plan.own_count] = i
-        plan.own_count += 1
-        for k in range(3):
-            reach[k] = min(reach[k], boxes[i, k])
-            reach[k + 3] = max(reach[k + 3], boxes[i, k + 3])
-    ahead = FORESIGHT * a.settings[r].evade_time
-    horizon = 0.0
-    for c in range(v.movers.shape[0]):
-        j = int(v.movers[c])
-        speed = speed_of(j, v)
-        if not speed > SLOWEST or w.octree.residency[j].status == ABSENT:
-            continue
-        approaches, way = True, 0.0
-        since = time_since(v.seen_at[j], v, m)
-        for k in range(3):
-            x = v.object_velocity[j, k]
-            low, high = boxes[j, k] + since * x, boxes[j, k + 3] + since * x
-            approaches &= low + min(ahead * x, 0.0) - BESIDE < reach[k + 3]
-            approaches &= high + max(ahead * x, 0.0) + BESIDE > reach[k]
-            way += x * (reach[k + 3] - low if x > 0.0 else reach[k] - high)
-        if not approaches or plan.approaching_count == MOST_APPROACHING:
-            continue
-        e.approaching[plan.approaching_count] = j
-        plan.approaching_count += 1
-        horizon = max(horizon, (way / speed + BEHIND) / speed)
-    e.plan.horizon = min(horizon, FARTHEST)
-    e.plan.present_gap = nan
 
 
 @kernel

@@ -373,11 +373,13 @@ class Guard(Monitor):
     def _prepare_filter(self) -> Response:
         """Allocate the responses; a mode "fixed" raises `SceneError`."""
         check_modes(self.tables)
-        if len(self._watch.movers):
+        settings = behaviours(self.tables)
+        evades = len(self._watch.clusters) > 0 and settings["evade_time"].any()
+        if len(self._watch.movers) or evades:
             link_missing(evade_all)
         self._lead = lead_of(self.tables)
         self._escape = escape_of(self.tables)
-        given = self.tables, behaviours(self.tables), self._lead, self._escape
+        given = self.tables, settings, self._lead, self._escape
         self._response = response = response_of(*given)
         self._response_ledger = Ledger(response)
         self._response_lines = self._response_ledger.lines

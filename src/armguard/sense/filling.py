@@ -10,6 +10,7 @@ from armguard.cells.cell_map import CellMap
 from armguard.cells.given import Shot
 from armguard.guard.monitor import Monitor
 from armguard.sense.capacitive import Capacitive
+from armguard.sense.clusters import MOST_POINTS, Clusters
 from armguard.sense.frames import BadFrameError, Frame, Intake, Points, Signal
 from armguard.sense.history import JointHistory
 from armguard.sense.masking import Masks
@@ -46,17 +47,27 @@ class Filling:
         stamp: Time of the newest measurement in the map, minus infinity without any
             [s].
         missing: Modelled objects through which sensors look.
+        clusters: Bodies that move; None unless a robot evades what may move.
 
     Args:
         world: The scene.
         cells: The map.
         guard: Has the places of objects; None for those of the scene.
+        fastest: Greatest speed of an intruder [m/s].
+
+    Raises:
+        SceneError: A robot evades, and SciPy is missing.
     """
 
-    def __init__(self, world: World, cells: CellMap, guard: Monitor | None) -> None:
+    def __init__(
+        self, world: World, cells: CellMap, guard: Monitor | None, fastest: float
+    ) -> None:
         self._world, self._cells, self._guard = world, cells, guard
         self._masks, self.missing = Masks(world, cells), MissingObjects(world)
         self.stamp = -inf
+        evades = any(part.response.evade for part in world.tables.robots)
+        self._follows = False
+        self.clusters = Clusters(cells, fastest) if evades and fastest > 0.0 else None
 
     def moved(self, name: str) -> None:
         """A sensor has another place, so static objects are masked again for it."""
@@ -165,6 +176,8 @@ class Filling:
             shot, taken - sensor.jitter, single=not sensor.image,
             error=self._error(view, mount), source=station.number,
         )  # fmt: skip
+        if not beam and self.clusters is not None:
+            self._follow(station, view.measured(hits, MOST_POINTS), now)
         return trusted
 
     def _distances(self, station: Station, found: Signal, now: Moment) -> Frame:
@@ -225,7 +238,21 @@ class Filling:
             reach=np.minimum(past, view.reach), clearing=past,
             error=self._error(view, mount) + beside, source=station.number,
         )  # fmt: skip
+        if self.clusters is not None:
+            near = found.xyz[~found.beyond]
+            self._follow(station, near[:: len(near) // MOST_POINTS + 1], now)
         return trusted
+
+    def _follow(self, station: Station, points: Floats, now: Moment) -> None:
+        """Follow bodies into a frame, by its points in the sensor, shape (n, 3) [m]."""
+        mount, clusters = now.mount, self.clusters
+        assert clusters is not None
+        world = points @ mount.R.T + mount.origin
+        clusters.look(world, mount.origin, station.number, now.taken)
+        found = clusters.found()
+        if self._guard is not None and (len(found) or self._follows):
+            self._guard.update_clusters(found)
+        self._follows = len(found) > 0
 
     def _mask(self, view: View, now: Moment) -> None:
         """Mask links and modelled objects for a frame."""

@@ -1,7 +1,7 @@
 """Frames of sensors as numbers, each zone or pixel with what its value says."""
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,14 @@ Bools = NDArray[np.bool_]
 
 # Numbers of a frame of points at most.
 MOST_NUMBERS = 1 << 24
+
+
+def number_of(stamp: object) -> float:
+    """A stamp as a number, NaN if it is none [s]."""
+    try:
+        return float(stamp)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return nan
 
 
 class Intake(WithSentence):

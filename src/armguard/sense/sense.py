@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from io import BufferedIOBase
-from math import inf, isfinite, nan
+from math import inf, isfinite
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,12 +15,13 @@ from armguard.cells.cell_map import CellMap
 from armguard.cells.deltas import Delta
 from armguard.errors import PoseError
 from armguard.geometry.pose import Pose
+from armguard.guard.clusters import Cluster
 from armguard.guard.monitor import Monitor
-from armguard.record import Records
+from armguard.record import Records, records
 from armguard.scene.scene import Scene
 from armguard.scene.sensor_kinds import Form
 from armguard.sense.filling import Filling
-from armguard.sense.frames import BadFrameError, Intake
+from armguard.sense.frames import BadFrameError, Intake, number_of
 from armguard.sense.frames_file import (
     CAPACITIVE,
     DEPTH,
@@ -76,7 +77,8 @@ class Sense:
             by `play` or `armguard sense --play`.
 
     Raises:
-        SceneError: The scene has no sensors, or no sensed space.
+        SceneError: The scene has no sensors, or no sensed space; or a robot evades and
+            SciPy is missing.
 
     Example:
         >>> import numpy as np
@@ -110,7 +112,7 @@ class Sense:
             intruder_speed=intruder.speed if space.unknown == "moving" else None,
         )  # fmt: skip
         self._history = JointHistory(*self._world.joint_figures())
-        self._filling = Filling(self._world, self.cells, guard)
+        self._filling = Filling(self._world, self.cells, guard, intruder.speed)
         self._stations = {
             name: Station(k, View(sensor, intruder.size, space.cell), self._world)
             for k, (name, sensor) in enumerate(scene.sensors.items(), start=1)
@@ -127,6 +129,12 @@ class Sense:
     def missing(self) -> Mapping[str, float]:
         """Modelled objects through which sensors look, and since when [s]."""
         return MappingProxyType(self._filling.missing.since)
+
+    @property
+    def clusters(self) -> Records[Cluster]:
+        """Bodies that move, if a robot evades; see `Guard.update_clusters`."""
+        followed = self._filling.clusters
+        return records(0, Cluster) if followed is None else followed.found()
 
     @property
     def stamp(self) -> float:
@@ -389,11 +397,3 @@ class Sense:
     def _counted(self, intake: Intake) -> Intake:
         self.intakes[intake] += 1
         return intake
-
-
-def number_of(stamp: object) -> float:
-    """A stamp as a number, NaN if it is none [s]."""
-    try:
-        return float(stamp)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        return nan

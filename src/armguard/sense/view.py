@@ -1,6 +1,6 @@
 """The view of a sensor: its zones in space, and how far it surely sees."""
 
-from math import atan, atan2, cos, inf, pi, sin, sqrt, tan
+from math import atan, atan2, ceil, cos, inf, pi, sin, sqrt, tan
 from typing import TypeVar
 
 import numpy as np
@@ -149,6 +149,19 @@ class View:
         across = np.hypot(middles[:, 0], middles[:, 1])
         away = across * cos(self._widest) - middles[:, 2] * sin(self._widest)
         return np.asarray(away > radii)
+
+    def measured(self, depth: Singles, most: int) -> Floats:
+        """Points of zones or pixels with a depth, in the sensor, shape (n, 3) [m].
+
+        Args:
+            depth: Their depths, shape (rows, columns), NaN for none [m].
+            most: Zones or pixels that are looked at, about; in even steps.
+        """
+        step = ceil(sqrt(depth.size / most))
+        part = slice(None, None, step), slice(None, None, step)
+        found = np.stack([self._x[part], self._y[part], np.ones_like(self._x[part])], 2)
+        points = (found * depth[part][..., None]).reshape(-1, 3)
+        return np.asarray(points[np.isfinite(points[:, 2])])
 
     def split(self, frame: Frame, cell: float) -> tuple[Singles, Singles]:
         """Depths of a frame that hit, and those up to which zones are looked through.

@@ -16,6 +16,7 @@ from armguard.geometry.shapes import (
     HalfSpace,
     Hull,
     PlacedShape,
+    Shape,
     Sphere,
 )
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
@@ -50,7 +51,7 @@ class Reading(NamedTuple):
 
 
 class Rig:
-    """Sensors of a scene in a world with foreign boxes.
+    """Sensors of a scene in a world with foreign bodies.
 
     Links are their hulls where a scene has them, else their primitives. MuJoCo has the
     kinematics and the rays.
@@ -65,7 +66,7 @@ class Rig:
 
     Args:
         scene: The scene with its sensors.
-        boxes: Edges of the foreign boxes [m].
+        boxes: The foreign bodies: shapes, or edges of boxes [m].
         seed: Seed of the noise.
         without: Modelled objects that are not there in truth.
 
@@ -74,16 +75,17 @@ class Rig:
     """
 
     def __init__(
-        self, scene: Scene, boxes: Sequence[tuple[float, float, float]] = (),
+        self, scene: Scene, boxes: Sequence[Shape | tuple[float, float, float]] = (),
         seed: int = 0, without: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self._scene, self._tables = scene, compile_scene(scene)
         spec = mujoco.MjSpec()
         spec.memory = 64 << 20
         self._add_bodies(spec, without)
-        for k, edges in enumerate(boxes):
+        for k, given in enumerate(boxes):
             body = spec.worldbody.add_body(name=f"box{k}", mocap=True, pos=AWAY)
-            body.add_geom(type=GEOM.mjGEOM_BOX, size=np.array(edges) / 2.0)
+            shape = given if isinstance(given, Shape) else Box(size=given)
+            body.add_geom(**sizes_of(shape))
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._rng, self.invalid = np.random.default_rng(seed), 0.0
