@@ -3,8 +3,8 @@
 import numpy as np
 
 from armguard.cells.clearance import ALONG_X, ALONG_Y, ALONG_Z
-from armguard.cells.state import NO_SENSOR, WORD_SIDE
-from armguard.cells.words import place_of_word
+from armguard.cells.state import NO_SENSOR, WORD_SIDE, Claims
+from armguard.cells.words import place_of_word, word_at
 from armguard.geometry.cell_gap import cell_gap, is_farther
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3
@@ -73,7 +73,26 @@ def box_cells(word: int, corner: Vec3, left: np.uint64, w: Workspace) -> bool:
     stamp = s.about.stamp if s.search.kind >= UNSEEN else claims.stamp[word]
     g = put_box(low, high, stamp, s)
     g.error, g.source = claims.error[word], claims.source[word]
+    if s.search.kind >= UNSEEN:
+        g.error = error_about(word, claims)
     return True
+
+
+@kernel
+def error_about(word: int, claims: Claims) -> float:
+    """Greatest error of a word and of those beside it [m].
+
+    Where a frame that is that far off has freed a word, the one beside it may reach
+    into it, though no frame has touched that one.
+    """
+    blocks, greatest = claims.lattice.blocks, 0.0
+    x, y, z = place_of_word(word, blocks)
+    last = (blocks << 4) - 1
+    for k in range(max(z - 1, 0), min(z + 1, last) + 1):
+        for j in range(max(y - 1, 0), min(y + 1, last) + 1):
+            for i in range(max(x - 1, 0), min(x + 1, last) + 1):
+                greatest = max(greatest, float(claims.error[word_at(i, j, k, blocks)]))
+    return greatest
 
 
 @kernel

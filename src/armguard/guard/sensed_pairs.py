@@ -318,6 +318,6 @@ def judge_outside(count: int, w: Workspace) -> int:
                 slab_corner(axis, side, 1, first, last),
                 s.about.stamp,
                 s,
-            )
+            ).error = s.about.error
             count = judge_box(count, w)
     return count

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from armguard.cells.deltas import Delta
+from armguard.cells.grid import packed
 from armguard.errors import CellMapError, SceneError
 from armguard.geometry import Box, Pose
 from armguard.guard import Level, Reason
@@ -234,6 +235,21 @@ def test_space_not_known_free_is_an_obstacle_as_declared():
     occupied = fed(seen_guard("free"), hidden)
     assert nearest(occupied, 0.1).headroom == least["still"]
     assert least["moving"] < least["still"]
+
+
+def test_space_not_known_free_reaches_into_words_freed_beside_it():
+    # A whole word that no frame has touched, and words before it towards the hand.
+    hidden = grid()
+    hidden[44:48, 32:36, 32:36] = True
+    least = []
+    for x, error in ((43, 0.0), (43, 0.02), (39, 0.02)):
+        freed = grid()
+        freed[x, 32, 32] = True
+        errors = np.where(packed(freed) != 0, np.float32(error), np.float32(0.0))
+        guard = fed(seen_guard("still"), unknown=hidden, error=errors)
+        least.append(nearest(guard, 0.1, "space not known free").distance)
+    assert least[0] - least[1] == pytest.approx(0.02, abs=1e-6)
+    assert least[2] == pytest.approx(least[0], abs=1e-9)
 
 
 def test_space_outside_the_region_is_not_known_free():
