@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | sensing | sense-campaign | freedom | sensors-campaign | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | sensing | sense-campaign | freedom | sensors-campaign | sensor-faults | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign sensing sense-campaign freedom sensors-campaign coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign sensing sense-campaign freedom sensors-campaign sensor-faults coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -108,6 +108,10 @@ freedom: .venv/dev
 # Infrared sensors, capacitive pads, calibration of sensors; docs/sensors.json.
 sensors-campaign: .venv/dev
 	$(BIN)/python benchmarks/sensors_campaign.py $(ARGS)
+
+# Faults of sensors in motion, and what is named; writes docs/sensor_faults.*.
+sensor-faults: .venv/dev
+	$(BIN)/python benchmarks/sensor_faults_campaign.py $(ARGS)
 
 # Blind patches of links against MuJoCo's rays; writes docs/coverage.*.
 coverage: .venv/dev

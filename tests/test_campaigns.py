@@ -252,6 +252,7 @@ def test_every_published_file_is_looked_through():
         "mutants",
         "sense",
         "sensing",
+        "sensor_faults",
         "sensors",
     }
     names = {path.stem for path in docs.glob("*.json")} - others
