@@ -26,7 +26,7 @@ from armguard.respond import constraints, field, joint_bounds, leading, program
 from armguard.respond import state as places
 from armguard.respond.engagement import wait_if_ordered
 from armguard.respond.escape_path import LIMIT_ROOM, speed_of, stand_on_way
-from armguard.respond.escape_state import EscapePlan
+from armguard.respond.escape_state import Approaching, EscapePlan
 from armguard.respond.escape_ways import (
     FORMS,
     GOES,
@@ -184,8 +184,8 @@ def turn(T, aim):
 
 
 @numba.njit
-def speed(v):
-    return speed_of(1, v)
+def speed(obstacle):
+    return speed_of(obstacle)
 
 
 @numba.njit
@@ -209,8 +209,8 @@ def stand(time, e, w, v, m):
 
 
 @numba.njit
-def across_of(e, w, v, m):
-    look_across(0, e, w, v, m)
+def across_of(e, w, m):
+    look_across(0, e, w, m)
 
 
 @numba.njit
@@ -487,7 +487,9 @@ def test_the_middle_of_a_gripper_is_the_mean_of_its_fingers_middles():
 
 def test_a_robot_is_led_to_a_side_by_the_joints_that_lead_there():
     rng = np.random.default_rng(12)
-    assert speed(record(object_velocity=np.array([[0, 0, 0], [1.0, -2, 2]]))) == 3.0
+    obstacle = records(1, Approaching)[0]
+    obstacle.velocity[:] = 1.0, -2.0, 2.0
+    assert speed(obstacle) == 3.0
     for side, full in product(range(SIDES + 1), (False, True)):
         m = motion(rng)
         across = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
@@ -511,6 +513,7 @@ def escape(rng):
     """What looks for ways of one robot."""
     return record(
         plan=records(1, EscapePlan)[0],
+        approaching=records(2, Approaching),
         trial=rng.uniform(-0.5, 0.5, JOINTS),
         way=np.zeros(JOINTS),
         q=np.zeros(JOINTS),
@@ -569,13 +572,15 @@ def test_aside_is_away_from_what_comes_and_across_its_way():
     rng = np.random.default_rng(14)
     for _ in range(10):
         e, m = escape(rng), arm(rng)
-        v = record(object_velocity=rng.normal(size=(1, 3)))
+        velocity = e.approaching[1].velocity
+        velocity[:] = rng.normal(size=3)
+        e.plan.obstacle = 1
         n = rng.normal(size=3)
         n /= np.linalg.norm(n)
         point = rng.normal(size=3)
         e.closest[1:4], e.closest[7:] = point, n
-        across_of(e, record(bodies=np.array([2], dtype=np.int32)), v, m)
-        ahead = v.object_velocity[0] / np.linalg.norm(v.object_velocity[0])
+        across_of(e, record(bodies=np.array([2], dtype=np.int32)), m)
+        ahead = velocity / np.linalg.norm(velocity)
         # From the object to the arm.
         aside = -n + (n @ ahead) * ahead
         aside /= np.linalg.norm(aside)
