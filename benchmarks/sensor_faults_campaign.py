@@ -1,4 +1,4 @@
-"""Faults of sensors in moving arms: how soon each is named, and what is named in order.
+"""Faults of sensors in moving arms: how soon each is named, and false names in order.
 
 make sensor-faults                                                   50 of each kind
 make sensor-faults ARGS="--kind silent --first 3 --episodes 1 --show"    one of them
@@ -71,7 +71,7 @@ def episode(kind: str, seed: int) -> Episode:
         later = {key: t for key, t in found.items() if key not in before}
         named = {key: t for key, t in later.items() if key[0] in at_fault}
         false += len(later) - len(named)
-    meant = {fault.name for fault in one.named} if one is not None else set()
+    expected = {fault.name for fault in one.named} if one is not None else set()
     first = min(named.values(), default=np.inf) - start
     return {
         "seed": seed,
@@ -79,7 +79,7 @@ def episode(kind: str, seed: int) -> Episode:
         "named": sorted({fault for _, fault in named}),
         "seconds": float(first) if named else None,
         "in_time": bool(first <= IN_TIME),
-        "right": any(fault in meant for _, fault in named),
+        "right": any(fault in expected for _, fault in named),
         "false": false,
     }
 
