@@ -21,6 +21,9 @@ from freedom.sight import Frame, Seen, Sight
 # Cells on each side of a witness point among which the nearest one is looked for.
 ABOUT = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 3), axis=-1).reshape(-1, 3)
 
+# From a cell to one of its word and of each word beside it [cells].
+BESIDE = 4 * np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3), axis=-1).reshape(-1, 3)
+
 # What a box may be off its cell, beside the error of the cell [m].
 ROUNDED = 1e-4
 
@@ -63,6 +66,11 @@ class Losses:
         bits = claims.occupied.words if occupied else claims.unknown.words
         words, set_ = members(places, bits, cells.size // 64)
         places, errors = places[set_], claims.error[words[set_]]
+        if not occupied:
+            # Errors of the words beside count, too.
+            near = np.clip(places[:, None] + BESIDE, 0, cells.size - 1)
+            words, _ = members(near.reshape(-1, 3), bits, cells.size // 64)
+            errors = claims.error[words].reshape(-1, len(BESIDE)).max(axis=1)
         middles = cells.middles(places)
         away = np.maximum(np.abs(point - middles) - 0.5 * edge, 0.0)
         gaps = np.linalg.norm(away, axis=1) - errors
