@@ -72,6 +72,11 @@ def simple(change: Change) -> Callable[[np.random.Generator], Change]:
     return lambda _: change
 
 
+def measured(distance: Floats, status: Any) -> Any:
+    """Which distances were measured; those of an image have no status."""
+    return status == MEASURED if np.any(status) else distance > 0.0
+
+
 def dropping(rng: np.random.Generator) -> Change:
     """Four of five frames are lost."""
     return lambda m, d, s, stamp: None if rng.random() < 0.8 else (d, s, stamp)
@@ -82,8 +87,7 @@ def frozen(_: np.random.Generator) -> Change:
     first: list[Any] = []
 
     def change(_: float, distance: Floats, status: Any, stamp: float) -> Sent:
-        count = (distance > 0.0).sum() if status is None else (status == MEASURED).sum()
-        if not first and count >= 8:
+        if not first and measured(distance, status).sum() >= 8:
             first[:] = distance, status
         return (*first, stamp) if first else (distance, status, stamp)
 
@@ -108,9 +112,9 @@ def invalid(share: float, rng: np.random.Generator) -> Change:
 
     def change(_: float, distance: Floats, status: Any, stamp: float) -> Sent:
         lost = rng.random(distance.shape) < share
-        if status is None:
-            return np.where(lost, 0.0, distance), None, stamp
-        return distance, np.where(lost, INVALID, status), stamp
+        if np.any(status):
+            return distance, np.where(lost, INVALID, status), stamp
+        return np.where(lost, 0.0, distance), status, stamp
 
     return change
 
@@ -121,7 +125,8 @@ def delayed(frames: int, _: np.random.Generator) -> Change:
 
     def change(_: float, distance: Floats, status: Any, stamp: float) -> Sent:
         past.append((distance, status))
-        return (*past[0], stamp)
+        # Until then frames are as they were: the same one twice is another fault.
+        return (*past[0 if len(past) > frames else -1], stamp)
 
     return change
 
@@ -192,7 +197,7 @@ KINDS: Mapping[str, Kind] = {
     "clock 1 s ahead": zone(
         simple(lambda m, d, s, t: (d, s, t + 1.0)), Fault.STAMP_AHEAD
     ),
-    "clock stands": zone(
+    "clock stopped": zone(
         simple(lambda m, d, s, _: (d, s, STUCK_TIME)), Fault.STAMP_BACK
     ),
     "no stamp": zone(simple(lambda m, d, s, _: (d, s, np.nan)), Fault.UNUSABLE),
@@ -203,7 +208,9 @@ KINDS: Mapping[str, Kind] = {
     "half a frame": zone(simple(lambda m, d, s, t: (d[:4], s, t)), Fault.UNUSABLE),
     "text": zone(simple(lambda m, d, s, t: ("text", s, t)), Fault.UNUSABLE),
     "frame repeated": zone(frozen, *FROZEN),
-    "nine zones stuck": zone(partial(patch, 0.31, 0.0, slice(2, 5)), Fault.STUCK),
+    "nine zones stuck": zone(
+        partial(patch, 0.31, 0.0, slice(2, 5)), Fault.STUCK, Fault.DIRTY
+    ),
     "dirt on nine zones": zone(partial(patch, 0.1, 2e-3, slice(2, 5)), Fault.DIRTY),
     "crosstalk in three columns": zone(partial(patch, 0.05, 2e-3, ALL), Fault.DIRTY),
     "nine tenths invalid": zone(partial(invalid, 0.9), Fault.BLIND),
