@@ -223,7 +223,7 @@ def draw(path: Path) -> None:
     """Draw six worlds: polygons with the standoff, ways of the tip, and arms."""
     chosen = [(name, seed, True) for name in ARMS for seed in (1, 2)]
     chosen += [(name, 1, False) for name in ARMS]
-    with drawn(path, (11, 7.8), 3, 2) as places:
+    with drawn(path, (11, 8.8), 3, 2) as places:
         order = (0, 1, 4, 2, 3, 5)
         for axes, (name, seed, reachable) in zip(
             places, [chosen[k] for k in order], strict=True
@@ -247,17 +247,17 @@ def draw(path: Path) -> None:
 
 def ending(found: Run) -> str:
     """The state at the end; of an unreachable goal the boundaries that divide it."""
-    lines = [found.state.name]
+    lines = []
     for one in found.curves if found.state == State.UNREACHABLE else ():
         low, high = np.degrees([one.points.min(axis=0), one.points.max(axis=0)])
         if not one.closed:
-            lines.append("a boundary in joint space goes around the torus")
+            lines.append("boundaries around the joint torus divide them")
         elif one.around_arm:
             lines.append(f"joint 1 stays between {low[0]:.0f}° and {high[0]:.0f}°,")
             lines.append(f"joint 2 between {low[1]:.0f}° and {high[1]:.0f}°")
         else:
             lines.append("a boundary in joint space encloses the goal")
-    return "\n".join(lines)
+    return "\n".join((found.state.name, *dict.fromkeys(lines)))
 
 
 def draw_obstacles(axes: Any, one: World) -> None:

@@ -188,8 +188,13 @@ class Place(Arms):
         self.limits = np.array([self.lower, self.upper])
 
 
-def built(name: str, projectile: Projectile, evade: bool) -> Scene:
-    """The scene of the guard."""
+def room_of(name: str, evade: bool) -> Scene:
+    """Arms and fixtures of a place, without what comes.
+
+    Args:
+        name: Which, a key of `closed_loop.scenes.bare_scene`.
+        evade: Whether the arms get out of its way.
+    """
     bare = bare_scene(name)
     scene = Scene(mode="path", period=PERIOD, index=bare.index, buffer=BUFFER)
     evades = ResponseSettings(evade=evade)
@@ -198,6 +203,12 @@ def built(name: str, projectile: Projectile, evade: bool) -> Scene:
         bare,
         lambda name: {"stopping": bare.robots[name].stopping, "response": evades},
     )
+    return scene
+
+
+def built(name: str, projectile: Projectile, evade: bool) -> Scene:
+    """The scene of the guard."""
+    scene = room_of(name, evade)
     scene.add(
         projectile.shape,
         name=MOVER,

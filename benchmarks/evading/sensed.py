@@ -8,13 +8,11 @@ import numpy as np
 import armguard as ag
 from armguard.geometry.shapes import Shape
 from armguard.scene import Scene
-from armguard.scene.settings import ResponseSettings
 from armguard.simulation.sensed import TRANSPORT
 from armguard.simulation.sensors import Rig
 from arrays import Floats
-from closed_loop.scenes import bare_scene, filled
 from episodes.follower import Follower
-from evading.places import BUFFER, PERIOD
+from evading.places import PERIOD, room_of
 from evading.throws import Throw
 
 # Middle of the cells, and of the room around them [m].
@@ -63,14 +61,7 @@ def sensing_scene(name: str, speed: float, evade: bool) -> Scene:
         speed: Declared speed of an intruder [m/s].
         evade: Whether the arms get out of its way.
     """
-    bare = bare_scene(name)
-    scene = Scene(mode="path", period=PERIOD, index=bare.index, buffer=BUFFER)
-    evades = ResponseSettings(evade=evade)
-    filled(
-        scene,
-        bare,
-        lambda name: {"stopping": bare.robots[name].stopping, "response": evades},
-    )
+    scene = room_of(name, evade)
     middle = np.array(CENTRES[name])
     scene.set_sensing(
         region={"centre": CENTRES[name], "size": SIZE}, cell=CELL, unknown="still",

@@ -71,6 +71,14 @@ def test_an_arm_in_a_narrow_hole_of_unknown_space_is_not_stopped(guard):
     assert verdict.level < Level.STOP, verdict.why
 
 
+def test_what_words_spend_on_proofs_is_left_for_planes():
+    # By words the proofs take all tests, before the slots are full.
+    guard = sensed_guard(unknown="still", cell=CELL, size=SIZE, budget=320)
+    verdict = judged(guard, hole(guard, 0.024)[1], next_stamp(guard))
+    assert guard._sensed.table.coarse.max() == 1
+    assert verdict.level < Level.STOP, verdict.why
+
+
 def test_an_arm_stops_in_a_hole_too_narrow_for_its_slots(guard):
     _, far = hole(guard, 0.003)
     verdict = judged(guard, far, next_stamp(guard))
