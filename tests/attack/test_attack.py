@@ -25,6 +25,7 @@ def test_fixtures_stand_while_an_arm_is_driven_into_one():
     assert not failed(rack.run(1))
 
 
+@pytest.mark.realtime
 def test_desired_motion_that_is_late():
     assert not failed(desires.run(2))
 

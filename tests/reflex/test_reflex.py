@@ -137,6 +137,7 @@ def test_frames_that_see_nothing_may_repeat(rack):
     rack.stays(Trip.CLEAR)
 
 
+@pytest.mark.realtime
 def test_a_silent_sensor_stops_the_arms_after_its_timeout(tmp_path):
     with Rack(tmp_path, timeout=0.3) as rack:
         rack.lift()
