@@ -109,7 +109,7 @@ def test_a_path_of_the_wrong_shape_is_refused(wire, rows):
 def by_guard_alone(guard, rows):
     """The check of a path without the checker of batches."""
     none = np.zeros(len(rows) - 1, dtype=bool)
-    return check_path(rows, guard._judge_line, guard.judge_at_rest, RESOLUTION, none)
+    return check_path(rows, guard._judge_line, RESOLUTION, none)
 
 
 def assert_same_answer(found, right):

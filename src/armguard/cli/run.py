@@ -116,7 +116,7 @@ def run(options: Options) -> None:
         figures |= pace.to_dict()
     if not motion.ends_only and np.isfinite(q).all():
         say("checking the lines between the samples")
-        between = guard.check_path(q)
+        between = guard.check_path(q, sensed=False)
     code = figures["exit_code"]
     if between is not None and not between.clear:
         code = max(code, TOO_CLOSE)

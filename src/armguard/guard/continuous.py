@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.guard.levels import Reason
 from armguard.guard.near_pair import NearPair
 from armguard.guard.verdict import Verdict
 
@@ -13,6 +14,9 @@ Floats = NDArray[np.float64]
 
 # A line on which no joint moves more than this is not bisected further [rad or m].
 RESOLUTION = 1e-4
+
+# Reasons of a verdict that has not judged all pairs.
+INCOMPLETE = (Reason.CAPACITY, Reason.CROWDED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +27,7 @@ class Breach:
         segment: Index of the segment of the path, from 0.
         share: Position along the segment, in [0, 1]; all before is proven clear [-].
         q: Joint positions there, shape (n,) [rad or m].
-        pair: The pair.
+        pair: The pair; None where too many pairs are near to judge them all.
         certain: Whether the pair breaks its buffer within the resolution; otherwise
             it is too near for a proof.
     """
@@ -31,7 +35,7 @@ class Breach:
     segment: int
     share: float
     q: Floats
-    pair: NearPair
+    pair: NearPair | None
     certain: bool
 
 
@@ -55,12 +59,12 @@ class PathCheck:
         """The result in words and millimetres."""
         if self.breach is None:
             return "between the samples: every pair keeps its buffer, proven"
-        at, pair = self.breach, self.breach.pair
+        at = self.breach
+        place = f"between the samples: first at {at.segment} + {at.share:.4f}"
+        if at.pair is None:
+            return f"{place} too much is near a robot to judge all pairs"
         what = "breaks its buffer" if at.certain else "is too near to decide"
-        return (
-            f"between the samples: first at {at.segment} + {at.share:.4f} a pair "
-            f"{what}: {pair.why}"
-        )
+        return f"{place} a pair {what}: {at.pair.why}"
 
     def to_dict(self, names: Sequence[str]) -> dict[str, object]:
         """The result as plain numbers and strings, ready for JSON.
@@ -71,14 +75,15 @@ class PathCheck:
         at = self.breach
         found: dict[str, object] = {"clear": self.clear, "lines": self.lines}
         if at is not None:
+            pair = at.pair
             found["breach"] = {
                 "segment": at.segment,
                 "share": at.share,
                 "q": dict(zip(names, at.q.tolist(), strict=True)),
-                "a": at.pair.a,
-                "b": at.pair.b,
-                "distance": at.pair.distance,
-                "buffer": at.pair.buffer,
+                "a": None if pair is None else pair.a,
+                "b": None if pair is None else pair.b,
+                "distance": None if pair is None else pair.distance,
+                "buffer": None if pair is None else pair.buffer,
                 "certain": at.certain,
             }
         return found
@@ -87,7 +92,6 @@ class PathCheck:
 def check_path(
     rows: Sequence[Floats] | Floats,
     judge_line: Callable[[Floats, Floats], Verdict],
-    judge_point: Callable[[Floats], Verdict],
     resolution: float,
     proven: NDArray[np.bool_],
 ) -> PathCheck:
@@ -96,7 +100,6 @@ def check_path(
     Args:
         rows: Joint positions, joined by straight lines, shape (k, n) [rad or m].
         judge_line: Verdict on a line: whether all pairs provably keep their buffers.
-        judge_point: Verdict on one configuration.
         resolution: A line on which no joint moves more than this is not bisected
             [rad or m].
         proven: Which lines need no verdict, shape (max(k - 1, 1),).
@@ -116,7 +119,8 @@ def check_path(
             verdict = judge_line(one, other)
             lines += 1
             worst = verdict.nearest
-            if worst is None or worst.headroom >= 0.0:
+            whole = verdict.reason not in INCOMPLETE
+            if whole and (worst is None or worst.headroom >= 0.0):
                 continue
             if not float(np.abs(other - one).max()) <= resolution:
                 middle = 0.5 * (low + high)
@@ -125,7 +129,7 @@ def check_path(
             there = [
                 p
                 for q in (one, other)
-                for p in judge_point(q).near
+                for p in judge_line(q, q).near
                 if not p.headroom >= 0.0
             ]
             pair = min(there, key=lambda p: p.headroom) if there else worst

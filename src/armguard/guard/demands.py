@@ -69,7 +69,7 @@ def judge_motion(i: int, j: int, near: NearRow, w: Workspace) -> None:
         if r >= 0 and not left >= v.time_left[r]:
             if robot_j < 0 or robot_i == robot_j or m.rate[k] >= OWN_SHARE * closing:
                 v.time_left[r] = left
-    if proof != PROVEN and proof != UNPROVEN:
+    if proof != PROVEN and proof != UNPROVEN and m.span.segment == 0:
         demand_stops(i, j, near, proof, w)
         near.envelope = judged
 

@@ -25,8 +25,7 @@ from armguard.guard.limits import report_measured_limits
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.observe import clocks_are_right, observe
 from armguard.guard.sensed_age import cells_are_right
-from armguard.guard.sensed_boxes import BY_WORD
-from armguard.guard.sensed_search import begin_work
+from armguard.guard.sensed_search import begin_cells
 from armguard.guard.stops import (
     order_stops,
     set_clocks,
@@ -119,8 +118,7 @@ def take_input(q: Vector, w: Workspace) -> None:
         refuse(w)
         return
     v.given.judged = 1
-    w.sensed.coarse[:] = BY_WORD
-    begin_work(w.sensed)
+    begin_cells(w.sensed)
     begin(v, m)
     # Every pair is measured: one that does not move may need another distance now.
     w.memory.measure_all = 1

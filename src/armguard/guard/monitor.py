@@ -157,7 +157,11 @@ class Monitor(Loop):
         return {name: tuple(by) for name, by in self._holding.holders.items()}
 
     def check_path(
-        self, rows: ArrayLike, *, resolution: float = RESOLUTION
+        self,
+        rows: ArrayLike,
+        *,
+        resolution: float = RESOLUTION,
+        sensed: bool = True,
     ) -> PathCheck:
         """Prove that a path of joint positions keeps every buffer, or find where not.
 
@@ -167,10 +171,15 @@ class Monitor(Loop):
         poses. The first path of 32 lines or more loads the kernels of `Checker`, which
         proves most lines of such a path at once.
 
+        In a scene with `sensing` the cells count as static obstacles as the guard knows
+        them now, space that is not known free among them if the scene says so.
+
         Args:
             rows: Joint positions in the order of `q_names`, shape (k, n) [rad or m].
             resolution: A line on which no joint moves more than this is not bisected
                 further [rad or m].
+            sensed: Whether cells count. False judges the model alone, for paths that
+                are planned before sensors have seen anything.
 
         Raises:
             SceneError: The rows have the wrong shape or are not finite.
@@ -187,13 +196,17 @@ class Monitor(Loop):
                 f"a path needs rows of {self._input.shape[0]} finite positions, not an "
                 f"array of shape {array.shape}"
             )
-        return check_path(
-            array,
-            self._judge_line,
-            self.judge_at_rest,
-            resolution,
-            self._proven.among(array, resolution),
-        )
+        has_cells = self.tables.sensing is not None
+        if sensed and has_cells:
+            # The checker of batches knows no cells.
+            none = np.zeros(max(len(array) - 1, 1), dtype=np.bool_)
+            return check_path(array, self._judge_line, resolution, none)
+        self._settings.sensed = 0
+        try:
+            proven = self._proven.among(array, resolution)
+            return check_path(array, self._judge_line, resolution, proven)
+        finally:
+            self._settings.sensed = has_cells
 
     def _judge_line(self, start: Floats, end: Floats) -> Verdict:
         """Verdict on a straight line in joint space as a whole."""

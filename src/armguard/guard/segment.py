@@ -7,6 +7,7 @@ from armguard.guard.contract_cycle import judge_all
 from armguard.guard.cycle import clear_header, rebuild_world
 from armguard.guard.layout import NEAR_WIDTH
 from armguard.guard.motion_pairs import asks_index
+from armguard.guard.sensed_search import begin_cells
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT
@@ -31,6 +32,7 @@ def run_segment(start: Floats, end: Floats, lines: Longs) -> int:
     w = open_workspace(lines)
     m = w.motion
     rows = clear_header(w)
+    begin_cells(w.sensed)
     plan_segment(start, end, m)
     w.memory.measure_all = 1
     rebuild_world(m.q, asks_index(w), w)

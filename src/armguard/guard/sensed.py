@@ -50,6 +50,10 @@ GROWS = (CellKind.MOVING, CellKind.GROWING)
 # program of a robot has room for the rows of 48 near pairs.
 SLOTS = (48, 48, 96, 96)
 
+# What becomes one slot: the cells of a word, or what lies behind a plane; and that the
+# cells near a robot are not judged at all.
+BY_WORD, BY_PLANE, GIVEN_UP = 0, 1, 2
+
 # Boxes of cells near a primitive that are listed at most.
 LISTED = 2048
 

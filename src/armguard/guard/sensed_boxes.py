@@ -9,7 +9,7 @@ from armguard.geometry.cell_gap import cell_gap, is_farther
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3
 from armguard.guard.needs import robot_of
-from armguard.guard.sensed import LISTED, CellBox, CellKind, Sensed
+from armguard.guard.sensed import BY_WORD, LISTED, CellBox, CellKind, Sensed
 from armguard.guard.sensed_search import EXACT, count_work
 from armguard.guard.sensed_words import inside_of_word
 from armguard.guard.workspace import Workspace
@@ -18,9 +18,6 @@ from armguard.lanes import ones
 
 UNSEEN = int(CellKind.UNSEEN)
 BOX = int(ShapeKind.BOX)
-
-# What becomes one slot: the cells of a word, or what lies behind a plane.
-BY_WORD, BY_PLANE = 0, 1
 
 # Listed boxes from which on no further ones are divided.
 FINE = LISTED // 2

@@ -32,10 +32,8 @@ from armguard.guard.demands import demand_stop
 from armguard.guard.levels import Reason
 from armguard.guard.near_pairs import is_idle
 from armguard.guard.needs import robot_of
-from armguard.guard.sensed import CellKind
+from armguard.guard.sensed import BY_PLANE, BY_WORD, GIVEN_UP, CellKind
 from armguard.guard.sensed_boxes import (
-    BY_PLANE,
-    BY_WORD,
     box_cells,
     first_slot,
     is_filled,
@@ -65,9 +63,6 @@ UNSEEN, KINDS = int(CellKind.UNSEEN), len(CellKind)
 
 CROWDED = int(Reason.CROWDED)
 
-# How the cells near a robot are judged, beside by words and by planes: not at all.
-GIVEN_UP = 2
-
 # Cells of the first octant of a word, the edge of an octant [cells], and their count.
 OCTANT, OCTANT_SIDE, OCTANTS = np.uint64(0x330033), 2, 8
 
@@ -83,8 +78,6 @@ def judge_sensed(count: int, w: Workspace) -> int:
     Returns:
         New count of rows.
     """
-    if w.motion.span.segment != 0:
-        return count
     s = w.sensed
     for r in range(s.work.shape[0]):
         given_up = False
@@ -124,7 +117,8 @@ def judge_robot(count: int, w: Workspace) -> int:
             restore_demand(r, s.before, w)
     if level == GIVEN_UP:
         s.coarse[kind, r] = GIVEN_UP
-        demand_stop(r, CROWDED, v)
+        if w.motion.span.segment == 0:
+            demand_stop(r, CROWDED, v)
         v.judged_count[0] = TOO_MANY
         w.header.reason = CROWDED
     return count

@@ -3,9 +3,8 @@
 from armguard.guard.judged_pair import judge_pair
 from armguard.guard.needs import static_need
 from armguard.guard.search_distance import pair_look, way_until_look
-from armguard.guard.sensed import CellKind, Demand
+from armguard.guard.sensed import BY_PLANE, CellKind, Demand
 from armguard.guard.sensed_boxes import (
-    BY_PLANE,
     end_of_slots,
     first_slot,
     is_coarse,

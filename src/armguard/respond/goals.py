@@ -40,7 +40,7 @@ class Guidance:
         tables: The scene.
         watch: Watch.
         tools: Tools of the scene.
-        check_path: Function that proves a path, see `Monitor.check_path`.
+        check_path: Function that proves a path by the model, see `Monitor.check_path`.
         response: Responses, written; None before the first filtered cycle.
         lead: State of the guidance, written; None before the first filtered cycle.
     """
@@ -148,7 +148,7 @@ class Guidance:
         another stop. Meanwhile requested positions are not followed.
 
         To a configuration the robot moves straight if `check_path` clears that path
-        with all other robots at rest. Otherwise it first moves along its trail to a
+        with all other robots at rest, without sensed space. Otherwise it first moves along its trail to a
         point from which the straight path is clear.
 
         Args:

@@ -74,8 +74,11 @@ def calibration_postures(
 
 
 def is_allowed(guard: Monitor, start: Floats, end: Floats) -> bool:
-    """Whether the guard allows a straight line of joint positions."""
-    return bool(guard.check_path([start, end]).clear)
+    """Whether the model allows a straight line of joint positions.
+
+    The calibration plans before a sensor has seen anything.
+    """
+    return bool(guard.check_path([start, end], sensed=False).clear)
 
 
 def random_postures(scene: Scene, entry: str, rng: np.random.Generator) -> Floats:

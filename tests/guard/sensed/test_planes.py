@@ -5,7 +5,7 @@ import pytest
 
 from armguard.geometry.shapes import ShapeKind
 from armguard.guard import Level, Reason
-from armguard.guard.sensed import SLOTS, CellKind
+from armguard.guard.sensed import GIVEN_UP, SLOTS, CellKind
 from sensed import PERIOD, changes, feed, sensed_guard
 
 CELL, SIZE = 0.025, 128
@@ -85,6 +85,11 @@ def test_an_arm_stops_in_a_hole_too_narrow_for_its_slots(guard):
     assert verdict.level >= Level.STOP
     assert verdict.reason == Reason.CROWDED
     assert "more cells" in verdict.why
+    # Nothing moves in a path of one place, and yet not all of it can be judged.
+    path = guard.check_path([guard.home])
+    assert guard._sensed.table.coarse.max() == GIVEN_UP
+    assert not path.clear
+    assert "too much is near" in path.sentence
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
