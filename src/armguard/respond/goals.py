@@ -148,7 +148,7 @@ class Guidance:
         another stop. Meanwhile requested positions are not followed.
 
         To a configuration the robot moves straight if `check_path` clears that path
-        with all other robots at rest, without sensed space. Otherwise it first moves along its trail to a
+        x
         point from which the straight path is clear.
 
         Args:
