@@ -111,6 +111,8 @@ def is_passed_clear(low: Vec3, high: Vec3, search: Search) -> bool:
     Its centre moves along a unit direction n by at most Σ |n_k| astray_k. A NaN
     compares false, so that the box is judged and the NaN is seen.
     """
+    if search.clear == inf:
+        return False
     square = along = 0.0
     for k in range(3):
         middle = search.middle[k]
