@@ -137,12 +137,8 @@ def nearest_edges(
     a: Vec3,
     b: Vec3,
     c: Vec3,
-    e0: Vec3,
-    e1: Vec3,
-    e2: Vec3,
-    best: float,
-    on_a: Vec3,
-    on_b: Vec3,
+    axes: tuple[Vec3, Vec3, Vec3],
+    vertex: tuple[float, Vec3, Vec3],
 ) -> tuple[float, Vec3, Vec3]:
     """Nearest pair of edges, where that beats the nearest vertex.
 
@@ -157,13 +153,13 @@ def nearest_edges(
         a: Half extents of the first box.
         b: Half extents of the second.
         c: Centre of the second.
-        e0: Axes of the second.
-        e1: Axes of the second.
-        e2: Axes of the second.
-        best: Distance of the nearest vertex.
-        on_a: Its point on the first box.
-        on_b: Its point on the second.
+        axes: Axes of the second.
+        vertex: Distance of the nearest vertex, and its points on both boxes.
+
+    Returns:
+        Least distance, and its points on both boxes [m].
     """
+    (e0, e1, e2), (best, on_a, on_b) = axes, vertex
     for i in range(3):
         for j in range(3):
             u, v = axis_of(i), pick(j, e0, e1, e2)
@@ -238,12 +234,14 @@ def box_distance(
         d, x, y = nearest_vertex(a, b, out, e0, e1, e2)
         if d > TOUCHING * size:
             d, x, y = nearest_edges(
-                0.0, EDGE_SLACK * size, a, b, out, e0, e1, e2, d, x, y
+                0.0, EDGE_SLACK * size, a, b, out, (e0, e1, e2), (d, x, y)
             )
         return gap, x, normal
     d, x, y = nearest_vertex(a, b, c, e0, e1, e2)
     if d > gap * (1.0 + 1e-15):
-        d, x, y = nearest_edges(gap, EDGE_SLACK * size, a, b, c, e0, e1, e2, d, x, y)
+        d, x, y = nearest_edges(
+            gap, EDGE_SLACK * size, a, b, c, (e0, e1, e2), (d, x, y)
+        )
     if d > TOUCHING * size:
         normal = scaled(1.0 / d, sub(y, x))
     return d, x, normal

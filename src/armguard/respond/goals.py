@@ -40,7 +40,7 @@ class Guidance:
         tables: The scene.
         watch: Watch.
         tools: Tools of the scene.
-        check_path: Function that proves a path by the model, see `Monitor.check_path`.
+        check_path: Function that proves a path, see `Monitor.check_path`.
         response: Responses, written; None before the first filtered cycle.
         lead: State of the guidance, written; None before the first filtered cycle.
     """
@@ -48,7 +48,7 @@ class Guidance:
     tables: SceneTables
     watch: Watch
     tools: Tools
-    check_path: Callable[[ArrayLike], PathCheck]
+    check_path: Callable[..., PathCheck]
     response: Response | None = None
     lead: Lead | None = None
 
@@ -207,7 +207,7 @@ class Guidance:
         here = watch.sample_q[:, 0].copy()
         there = here.copy()
         there[own] = safe
-        first = self.check_path([here, there])
+        first = self.check_path([here, there], sensed=False)
         count = int(lead.notes[r].count)
         if first.clear:
             return count
@@ -216,7 +216,7 @@ class Guidance:
             back = (k + 1) * count // looks - 1
             row = (lead.notes[r].head - 1 - back) % TRAIL
             here[own] = lead.trail[row, own]
-            if self.check_path([here, there]).clear:
+            if self.check_path([here, there], sensed=False).clear:
                 return count - 1 - back
         raise NoRetreatError(
             f"no free way leads robot '{part.name}' to these positions, neither from "

@@ -1,7 +1,6 @@
 """Guard: a monitor that also filters the operators' desired motion."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from time import perf_counter_ns
 from typing import Any
 
@@ -111,9 +110,7 @@ class Guard(Monitor):
         )
         tables = self.tables
         self._tools, self._units = Tools(tables), DesiredUnits(tables)
-        self._guidance = Guidance(
-            tables, self._watch, self._tools, partial(self.check_path, sensed=False)
-        )
+        self._guidance = Guidance(tables, self._watch, self._tools, self.check_path)
         if not compiling and all(part.mode != "fixed" for part in tables.robots):
             # Compiles or loads the kernels of a filtered cycle before the loop.
             still = np.zeros(len(self.q_names))
