@@ -29,6 +29,7 @@ CASES: dict[str, tuple[tuple[float, float], bool, str]] = {
     "around": ((0.2, 0.5), False, "free"),
     "unknown, still": ((0.3, 9.0), True, "still"),
     "unknown, moving": ((0.3, 9.0), True, "moving"),
+    "crowded, unknown, still": ((0.05, 9.0), True, "still"),
 }
 
 
