@@ -42,8 +42,8 @@ IMAGES = {
     "turned by 180 degrees": (2, False, True),
     "turned by 90 degrees": (1, False, False),
     "turned by -90 degrees": (3, False, False),
-    "rows and columns exchanged": (1, True, False),
-    "rows and columns exchanged and reversed": (3, True, False),
+    "rows and columns exchanged": (3, True, False),
+    "rows and columns exchanged and reversed": (1, True, False),
 }
 
 
