@@ -101,6 +101,22 @@ def test_nothing_in_view_is_no_evidence_of_another_place():
 
 
 def test_a_sensor_that_is_in_order_again_is_accepted_as_such():
-    accepted = found([RELIEF[:, ::-1]] * 9 + [RELIEF] * 3, [RELIEF] * 12)
-    assert all(accepted[:9])
-    assert not any(accepted[9:])
+    mirrored = RELIEF[:, ::-1]
+    # Two zones with an unknown body have the distances of the mirrored view.
+    body = RELIEF.copy()
+    body[0, :2] = mirrored[0, :2]
+    frames = [*[mirrored] * 60, *[RELIEF] * 30, body]
+    accepted = found(frames, [RELIEF] * len(frames))
+    assert all(accepted[:60])
+    assert not any(accepted[60:])
+
+
+def test_a_frame_without_evidence_is_no_sign():
+    # Most of its distances are invalid, and two are of an unknown body.
+    tests, lost = Hypotheses(VIEW, []), np.full((8, 8), np.nan)
+    lost[3, 3:5] = 0.2
+    own = predicted(RELIEF)
+    assert tests.test(frame(RELIEF[:, ::-1]), REST, own, (), 0.0)
+    seen = np.isfinite(lost)
+    none = np.zeros((8, 8), dtype=bool)
+    assert not tests.test(Frame(lost, seen, none, none), REST, own, (), 0.1)

@@ -310,8 +310,7 @@ class FrameTests:
         self, depth: Floats, foreign: Bools, mount: Mount, now: float
     ) -> None:
         nearer = foreign & (depth < DIRTY_NEAR)
-        others = np.where(np.isfinite(depth), np.inf, np.nan)
-        seen = np.where(nearer, depth, others)
+        seen = np.where(nearer | np.isnan(depth), depth, np.inf)
         self._window.append(Near(now, seen, int(np.count_nonzero(nearer)), mount))
         while now - self._window[0].taken > DIRTY_TIME:
             self._window.popleft()
