@@ -31,7 +31,7 @@ EXPECTED_SHIFT, EXPECTED_TURN = 0.05, 0.1
 
 # A fit shows an offset if it is beyond the declared error, by this many of its standard
 # deviations, and leaves less than this share of the mean square residual.
-CERTAINTY, LEFT = 5.0, 0.5
+CERTAINTY, LEFT = 5.0, 0.7
 
 
 class Offset(NamedTuple):
