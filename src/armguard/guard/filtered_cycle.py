@@ -21,7 +21,8 @@ from armguard.guard.guarded_cycle import conclude, judge_input, refuse
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.observe import now_of
-from armguard.guard.sensed_search import begin_work
+from armguard.guard.proofs import evades_cluster
+from armguard.guard.sensed_search import begin_again, begin_work
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     AT_REST,
@@ -86,7 +87,7 @@ def close_cycle(judged: int, w: Workspace) -> None:
     """
     v, m = w.watch, w.motion
     if judged != 0:
-        begin_recoveries(v, m)
+        begin_recoveries(w, v, m)
         prove_wanted(w)
         end_recoveries(v)
         for r in range(v.recover.shape[0]):
@@ -97,7 +98,7 @@ def close_cycle(judged: int, w: Workspace) -> None:
 
 
 @kernel
-def begin_recoveries(v: Watch, m: Motion) -> None:
+def begin_recoveries(w: Workspace, v: Watch, m: Motion) -> None:
     """Start the recoveries and evasions that the response has requested."""
     recover = v.recover
     for r in range(recover.shape[0]):
@@ -111,6 +112,10 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
             v.relief_until[r] = now_of(v) + m.span.settled
+            if evades_cluster(r, v):
+                # Cells that it need not keep away from any more have used up the work.
+                m.effort.tests = 0
+                begin_again(r, w.sensed)
         elif recover[r] != GIVES_UP:
             recover[r] = 0
 

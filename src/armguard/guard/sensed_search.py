@@ -146,6 +146,14 @@ def begin_work(s: Sensed) -> None:
 
 
 @kernel
+def begin_again(r: int, s: Sensed) -> None:
+    """Start the work on the cells near a robot again, as finely as at first."""
+    s.work[r] = 0
+    for kind in range(s.coarse.shape[0]):
+        s.coarse[kind, r] = 0
+
+
+@kernel
 def limit_work(parts: int, s: Sensed) -> None:
     """Allow one of some parts of the work that is left to the robot that is judged."""
     done = s.work[s.search.robot]
