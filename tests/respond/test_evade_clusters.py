@@ -9,7 +9,10 @@ from armguard.errors import CellMapError
 from armguard.guard import Level
 from armguard.guard.clusters import CONFIRMED, FOLLOWED, MOST_CLUSTERS, Cluster
 from armguard.guard.evaded_cells import has_enclosed
+from armguard.guard.proofs import rests_among_cells
 from armguard.guard.sensed import CellBox
+from armguard.guard.watch import RECOVERING
+from armguard.guard.workspace import Settings
 from armguard.record import records
 from armguard.recording import open_recording
 from armguard.recording.calls import UpdateCells, UpdateClusters
@@ -21,6 +24,7 @@ from armguard.respond import Blocked, Guard
 from armguard.scene import Scene
 from armguard.scene.settings import ResponseSettings
 from arms import simple_arm
+from records import record
 from sensed import CELL, CENTRE, LOW, SIZE, changes, feed, grid
 
 ARM, HALF, SPEED = 0.04, 0.1, 0.3
@@ -262,6 +266,37 @@ def test_a_box_is_of_a_cluster_that_has_enclosed_it():
         assert known <= found <= near
         both[found] += 1
     assert min(both) > 500
+
+
+@numba.njit
+def rests_among(w):
+    return rests_among_cells(0, 2, 0, w)
+
+
+@pytest.mark.parametrize(
+    ("change", "rests"),
+    [
+        ({}, True), ({"phase": 1}, False), ({"evaded": 2}, False),
+        ({"reach": 1e-3}, False), ({"speed": 0.0}, False), ({"modelled": 3}, False),
+    ],
+)  # fmt: skip
+def test_a_link_that_rests_among_cells_does_not_end_an_evasion(change, rests):
+    numbers = {
+        "phase": RECOVERING, "evaded": 1, "reach": 0.0, "speed": 1.0, "modelled": 1,
+    } | change  # fmt: skip
+    settings = records(1, Settings)[0]
+    settings.modelled = numbers["modelled"]
+    w = record(
+        settings=settings,
+        motion=record(reach=np.full((2, 1), numbers["reach"])),
+        watch=record(
+            robot_of=np.zeros(1, dtype=np.int32),
+            phase=np.array([numbers["phase"]]),
+            cluster_evaded=np.array([0, numbers["evaded"]]),
+            top_speed=np.full(3, numbers["speed"]),
+        ),
+    )
+    assert rests_among(w) == rests
 
 
 def test_the_mark_of_an_evaded_cluster_follows_its_number():

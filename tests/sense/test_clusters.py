@@ -29,12 +29,13 @@ class View:
 
     Args:
         noise: Standard deviation of depths [m].
+        free: Where space is known free, up to this x one metre up [m].
     """
 
-    def __init__(self, noise=0.0):
+    def __init__(self, noise=0.0, free=np.inf):
         self.cells = CellMap((0.0, 0.0, 1.0), CELL, 64)
         self.clusters = Clusters(self.cells, FASTEST)
-        self.rng, self.noise = np.random.default_rng(5), noise
+        self.rng, self.noise, self.free = np.random.default_rng(5), noise, free
         v, u = np.mgrid[:180, :240]
         self.x, self.y = (u - MIDDLE[0]) / FOCAL, (MIDDLE[1] - v) / FOCAL
         for k in range(6):
@@ -48,6 +49,7 @@ class View:
             inside = np.abs(self.x * at - x) < half
             inside &= np.abs(self.y * at - y) < half
             depth[inside] = np.minimum(depth[inside], at)
+        depth[(depth == FLOOR) & (self.x * (EYE - 1.0) > self.free)] = np.nan
         depth += self.noise * self.rng.standard_normal(depth.shape)
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = DOWN, (0.0, 0.0, EYE)
@@ -161,6 +163,18 @@ def test_a_body_is_not_followed_before_it_is_wholly_in_the_region():
         view.look([place], k * PERIOD)
         for found in view.clusters.found():
             assert place[0] + 0.06 < 0.64
+            assert found.velocity == pytest.approx(velocity, abs=0.08)
+    assert len(view.clusters.found()) == 1
+
+
+def test_a_body_is_not_followed_before_all_of_it_has_appeared():
+    """It comes out of space that is not known free, where nothing appears."""
+    velocity = (-0.5, 0.0, 0.0)
+    view = View(noise=3e-3, free=0.2)
+    for k, place in enumerate(way((0.3, 0.0, 1.01), velocity, 14)):
+        view.look([place], k * PERIOD)
+        for found in view.clusters.found():
+            assert place[0] + 0.06 < 0.2 + 2 * CELL
             assert found.velocity == pytest.approx(velocity, abs=0.08)
     assert len(view.clusters.found()) == 1
 

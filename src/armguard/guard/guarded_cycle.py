@@ -120,6 +120,7 @@ def take_input(q: Vector, w: Workspace) -> None:
         return
     v.given.judged = 1
     w.sensed.coarse[:] = BY_WORD
+    w.sensed.evaded[:] = 0
     begin_work(w.sensed)
     begin(v, m)
     # Every pair is measured: one that does not move may need another distance now.

@@ -237,12 +237,12 @@ def is_evaded(i: int, j: int, v: Watch) -> bool:
 
 
 @kernel
-def evades_cluster(r: int, v: Watch) -> bool:
-    """Whether a robot evades a cluster."""
+def evaded_clusters(r: int, v: Watch) -> int:
+    """Bit set of the clusters that a robot evades."""
+    found = 0
     for c in range(v.cluster_evaded.shape[0]):
-        if (v.cluster_evaded[c] >> r) & 1 != 0:
-            return True
-    return False
+        found |= ((v.cluster_evaded[c] >> r) & 1) << c
+    return found
 
 
 @kernel
@@ -262,7 +262,7 @@ def rests_among_cells(i: int, j: int, plan_i: int, w: Workspace) -> bool:
     grows = j >= w.settings.modelled and object_speed(j, v) > 0.0
     if not grows or r < 0 or v.phase[r] != RECOVERING:
         return False
-    return bool(w.motion.reach[plan_i, i] == 0.0 and evades_cluster(r, v))
+    return bool(w.motion.reach[plan_i, i] == 0.0 and evaded_clusters(r, v) != 0)
 
 
 @kernel

@@ -54,8 +54,7 @@ def judge_box(count: int, w: Workspace) -> int:
     r = s.search.robot
     evaded = is_of_evaded(r, w)
     if evaded and v.phase[r] == RECOVERING:
-        # Its evasion goes on while any of them are near.
-        v.relieved[r] = 1
+        s.evaded[r] = 1
         if s.search.level == BY_PLANE:
             return count
     if s.search.level == BY_PLANE:

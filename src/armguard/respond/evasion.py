@@ -13,10 +13,12 @@ robot stays.
 from enum import IntEnum
 from math import inf
 
+from armguard.guard.change import TOO_MANY
 from armguard.guard.commands import time_passed
 from armguard.guard.evaded_cells import mark_slots
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.needs import robot_of
+from armguard.guard.proofs import evaded_clusters
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -101,6 +103,7 @@ def evade_all(a: Response, w: Workspace) -> None:
     for r in range(v.evades.shape[0]):
         if a.settings[r].evade_time == 0.0:
             continue
+        before = evaded_clusters(r, v)
         if evades(r, a, e, w, v, m):
             v.evades[r] = 1
             for c in range(e.plan.approaching_count):
@@ -108,6 +111,9 @@ def evade_all(a: Response, w: Workspace) -> None:
                     v.evaded[e.approaching[c].primitive] |= 1 << r
         else:
             forget_clusters(r, v)
+        if before & ~evaded_clusters(r, v) != 0:
+            # Cells that it evaded may have no row.
+            v.judged_count[0] = TOO_MANY
         if v.clusters.shape[0] != 0:
             mark_slots(r, w)
 
