@@ -6,7 +6,6 @@ import pytest
 
 from approach import FIGURES, PERIOD
 from armguard.errors import CellMapError
-from armguard.guard import Level
 from armguard.guard.clusters import CONFIRMED, FOLLOWED, MOST_CLUSTERS, Cluster
 from armguard.guard.evaded_cells import has_enclosed
 from armguard.guard.proofs import rests_among_cells
@@ -20,7 +19,7 @@ from armguard.recording.recorded import RecordedGuard
 from armguard.recording.recorder import Recorder, RecorderSettings
 from armguard.recording.replay import replay
 from armguard.recording.ring import RingReader, RingWriter
-from armguard.respond import Blocked, Guard
+from armguard.respond import Action, Blocked, Guard
 from armguard.scene import Scene
 from armguard.scene.settings import ResponseSettings
 from arms import simple_arm
@@ -28,6 +27,9 @@ from records import record
 from sensed import CELL, CENTRE, LOW, SIZE, changes, feed, grid
 
 ARM, HALF, SPEED = 0.04, 0.1, 0.3
+
+# Time between frames, and their age when they come [s].
+FRAMES, LATE = 0.05, 0.1
 
 
 def scene_of(evade=True, speed=0.4):
@@ -143,54 +145,77 @@ def body(time, begin=(0.7, 0.6, 0.2), half=HALF):
     middle = np.array(begin) + time * np.array((0.0, -SPEED, 0.0))
     low = np.round((middle - half - LOW) / CELL).astype(int)
     high = np.round((middle + half - LOW) / CELL).astype(int)
-    found[low[2] : high[2], low[1] : high[1], low[0] : high[0]] = True
+    found[tuple(map(slice, low, high))] = True
     return found
 
 
-def drive_among_cells(cells, clusters, seconds=1.6, speed=0.6, every=12):
-    """Have moving cells and clusters come, both seen every few cycles.
+def drive_among_cells(cells, clusters, seconds=1.6, speed=1.6):
+    """Have moving cells and clusters come, seen twenty times a second, 0.1 s late.
 
     Args:
         cells: The cells, from the time.
         clusters: The clusters, likewise.
         seconds: How long [s].
         speed: Declared speed of an intruder [m/s].
-        every: Cycles between two frames.
 
     Returns:
-        Positions and levels of the arm in each cycle, and whether it evaded.
+        Positions of the arm, whether it was stopped, in each cycle, and whether it
+        evaded.
     """
     guard = Guard(scene_of(speed=speed), self_test=False)
-    q, v, rows, levels, evaded = 0.0, 0.0, [], [], False
+    q, v, rows, stopped, evaded = 0.0, 0.0, [], [], False
+    before = grid()
     for k in range(int(seconds / PERIOD)):
-        time = k * PERIOD
-        if k % every == 0:
-            now = cells(time)
-            before = cells(time - every * PERIOD) if k else now
-            news = changes(now, grid(), time, motion=1)
-            touched = changes(now | before, grid(), time)["bits"][:, 0] != 0
-            guard.update_cells(news[touched], time)
-            found = clusters(time)
+        time, seen = k * PERIOD, k * PERIOD - LATE
+        if k % round(FRAMES / PERIOD) == 0:
+            now = cells(seen)
+            touched = changes(now | before, grid(), seen)["bits"][:, 0] != 0
+            guard.update_cells(changes(now, grid(), seen, motion=1)[touched], seen)
+            before, found = now, clusters(seen)
             if found is not None:
                 guard.update_clusters(found)
         command = guard.filter([q], [0.0], time, velocity=[v], now=time)
         v = command.velocity[0]
         q += v * PERIOD
         rows.append(q)
-        levels.append(command.verdict.level)
+        stopped.append(command.actions["arm"] >= Action.STOP)
         evaded |= command.blocked["arm"] is Blocked.EVADING
-    return np.array(rows), levels, evaded
+    return np.array(rows), stopped, evaded
 
 
 def test_cells_move_with_a_cluster_that_is_evaded():
-    rows, levels, evaded = drive_among_cells(body, coming)
+    rows, stopped, evaded = drive_among_cells(body, coming)
     gaps = [
         gap(q, np.array([0.7, 0.6 - SPEED * k * PERIOD])) for k, q in enumerate(rows)
     ]
     assert evaded
     assert min(gaps) > 0.0
     assert rows[-1] < -0.2
-    assert Level.STOP not in levels
+    assert not any(stopped)
+
+
+def test_an_evasion_begins_where_half_spaces_stand_for_many_cells():
+    """Before it, the cells demand a stop in the same cycle."""
+    begin, half, appears = np.array((0.7, 0.4, 0.2)), 0.15, 0.1
+    every_other = np.indices((SIZE,) * 3).sum(axis=0) % 2 == 0
+
+    def cells(seen):
+        there = seen > appears - 1e-9
+        return body(seen - appears, begin, half) & every_other if there else grid()
+
+    def clusters(seen):
+        found = coming(seen - appears, begin=begin)
+        found["low"], found["high"] = found.low + HALF - half, found.high - HALF + half
+        found["stamp"] = seen
+        return found if seen > appears - 1e-9 else None
+
+    rows, stopped, evaded = drive_among_cells(cells, clusters, 0.5)
+    assert evaded
+    assert rows[-1] < -0.1
+    assert not any(stopped)
+    # Without the cluster they do, at once.
+    _, stopped, _ = drive_among_cells(cells, lambda seen: None, 0.5)
+    assert stopped.index(True) <= (appears + LATE + FRAMES) / PERIOD
 
 
 def test_cells_beside_an_evaded_cluster_remain_obstacles():
@@ -200,7 +225,7 @@ def test_cells_beside_an_evaded_cluster_remain_obstacles():
     wall[:, : round((-0.15 - LOW[1]) / CELL)] = True
     for speed in (0.0, 0.3):
         rows, _, evaded = drive_among_cells(
-            lambda time: body(time) | wall, coming, 1.2, speed
+            lambda seen: body(seen) | wall, coming, 1.2, speed
         )
         assert evaded
         # The tip of the arm is 0.04 m thick and keeps 5 mm.
@@ -208,13 +233,11 @@ def test_cells_beside_an_evaded_cluster_remain_obstacles():
 
 
 def test_cells_of_a_cluster_that_no_frame_confirms_grow_again():
-    # The last frame with it is that at 0.192 s.
-    _, levels, evaded = drive_among_cells(
-        body, lambda time: coming(time) if time < 0.2 else None, 0.6
+    _, stopped, evaded = drive_among_cells(
+        body, lambda seen: coming(seen) if 0.59 < seen < 0.61 else None
     )
     assert evaded
-    stopped = [k * PERIOD for k, level in enumerate(levels) if level >= Level.STOP]
-    assert 0.192 + CONFIRMED < stopped[0] < 0.192 + CONFIRMED + 0.1
+    assert 0.6 + CONFIRMED < PERIOD * stopped.index(True) < 0.6 + CONFIRMED + 0.1
 
 
 def test_cells_grow_for_a_robot_that_does_not_evade_their_cluster():
@@ -222,11 +245,11 @@ def test_cells_grow_for_a_robot_that_does_not_evade_their_cluster():
     def beside(time):
         return coming(time, begin=(1.35, 0.3, 0.2))
 
-    _, levels, evaded = drive_among_cells(
-        lambda time: body(time, (1.35, 0.3, 0.2)), beside, 0.6, 1.6
+    _, stopped, evaded = drive_among_cells(
+        lambda seen: body(seen, (1.35, 0.3, 0.2)), beside, 0.6
     )
     assert not evaded
-    assert Level.STOP in levels
+    assert any(stopped)
 
 
 def enclosed(cluster, box, now, room):

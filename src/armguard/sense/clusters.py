@@ -32,9 +32,6 @@ MOST_CELLS, MOST_POINTS, MOST_TRACKS, LEAST_POINTS = 4096, 20_000, 16, 3
 # multiple suffices once it is known to move.
 SIGHTINGS, SPAN, SLOWEST, SURE, KNOWN = 4, 0.06, 0.03, 2.0, 1.0
 
-# Distance of other points at which they are of the same body [cells].
-BESIDE = 1.5
-
 # Share of the span of the sightings that two of them are apart for a slope [-].
 APART = 0.4
 
@@ -202,7 +199,7 @@ class Clusters:
             part_of(points[of_points == label], origin, sensor, taken)
             for label in np.flatnonzero(np.bincount(of_points + 1)[1:] >= LEAST_POINTS)
         ]
-        self._follow(parts, points[of_points < 0])
+        self._follow([part for part in parts if self._is_whole(part)])
 
     def found(self) -> Records[Cluster]:
         """Bodies that surely move, the fastest first, for `Guard.update_clusters`."""
@@ -255,25 +252,15 @@ class Clusters:
         chosen = order[spot]
         return np.where(inside & (known[chosen] == keys), labels[chosen], -1)
 
-    def _is_whole(self, part: Part, others: Floats) -> bool:
-        """Whether a part is all that was seen of its body.
-
-        It is not at the edge of the region, nor where other points are beside it: what
-        comes out of unknown space has not appeared there. Its middle is not the body's.
-        """
+    def _is_whole(self, part: Part) -> bool:
+        """Whether a part is wholly in the region: else its middle is not the body's."""
         cells = self._cells
         half = (0.5 * cells.size - 1.0) * cells.cell
         low, high = part.low - cells.centre, part.high - cells.centre
-        beside = (others > part.low - BESIDE * cells.cell).all(axis=1)
-        beside &= (others < part.high + BESIDE * cells.cell).all(axis=1)
-        inside = (low > -half).all() and (high < half).all()
-        return bool(inside and beside.sum() < LEAST_POINTS)
+        return bool((low > -half).all() and (high < half).all())
 
-    def _follow(self, parts: list[Part], others: Floats) -> None:
-        """Give each part to the nearest track that it overlaps, or begin a track.
-
-        A part that is not whole tells nothing of a body that is not known to move.
-        """
+    def _follow(self, parts: list[Part]) -> None:
+        """Give each part to the nearest track that it overlaps, or begin a track."""
         chances = []
         for k, part in enumerate(parts):
             for t, track in enumerate(self._tracks):
@@ -287,10 +274,8 @@ class Clusters:
                 of_part[k] = t
         for k, part in enumerate(parts):
             if k in of_part:
-                found = self._tracks[of_part[k]]
-                if found.moves or self._is_whole(part, others):
-                    found.add(part, self._fastest)
-            elif len(self._tracks) < MOST_TRACKS and self._is_whole(part, others):
+                self._tracks[of_part[k]].add(part, self._fastest)
+            elif len(self._tracks) < MOST_TRACKS:
                 self._begun += 1
                 self._tracks.append(Track(self._begun))
                 self._tracks[-1].add(part, self._fastest)
