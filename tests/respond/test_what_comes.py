@@ -69,6 +69,7 @@ def found(centre, velocity, half=0.05, present=True, as_cluster=False):
         robot_of=np.array([0, 0, 1], dtype=np.int32),
         movers=np.array([] if as_cluster else [3], dtype=np.int32),
         clusters=clusters,
+        cluster_evaded=np.zeros(len(clusters), dtype=np.int64),
         object_velocity=np.array([[0.0, 0, 0]] * 3 + [velocity], dtype=float),
         seen_at=np.full(4, 5.0 - AGE),
         given=given,
@@ -78,7 +79,9 @@ def found(centre, velocity, half=0.05, present=True, as_cluster=False):
     look(record(settings=settings), e, w, v, m)
     assert e.plan.own_count == 2
     assert e.reach == pytest.approx(np.concatenate([LOW, HIGH]))
-    return e.plan.approaching_count == 1, e.plan.horizon
+    comes = e.plan.approaching_count == 1
+    assert v.cluster_evaded.tolist() == [int(comes)] * len(clusters)
+    return comes, e.plan.horizon
 
 
 def comes(centre, velocity, half=0.05):

@@ -7,8 +7,14 @@ import pytest
 
 from armguard.cells.cell_map import CellMap
 from armguard.errors import SceneError
-from armguard.guard.clusters import MOST_CLUSTERS
-from armguard.sense.clusters import FORGOTTEN, MOST_CELLS, MOST_TRACKS, Clusters
+from armguard.guard.clusters import CONFIRMED, MOST_CLUSTERS
+from armguard.sense.clusters import (
+    MOST_CELLS,
+    MOST_TRACKS,
+    Clusters,
+    Track,
+    part_of,
+)
 
 CELL, PERIOD, FASTEST = 0.025, 1.0 / 30.0, 1.6
 FOCAL, MIDDLE = 200.0, (119.5, 89.5)
@@ -127,10 +133,62 @@ def test_a_body_that_is_seen_no_more_is_forgotten():
     places = way((0.0, 0.0, 1.01), (0.5, 0.0, 0.0), 10)
     assert len(view.watch(places[:, None])) == 1
     last = 9 * PERIOD
-    view.look([], last + FORGOTTEN - 0.01)
+    view.look([], last + CONFIRMED - 0.01)
     assert len(view.clusters.found()) == 1
-    view.look([], last + FORGOTTEN + 0.01)
+    view.look([], last + CONFIRMED + 0.01)
     assert len(view.clusters.found()) == 0
+
+
+def test_a_body_keeps_its_number():
+    one = way((-0.3, 0.2, 1.01), (0.4, 0.0, 0.0), 12)
+    other = way((0.3, -0.2, 0.91), (-0.2, -0.1, 0.0), 12)
+    view, numbers = View(), []
+    for k, places in enumerate(np.stack([one, other], axis=1)):
+        view.look(places, k * PERIOD)
+        # By where they are along x.
+        found = view.clusters.found()
+        numbers.append(found.number[np.argsort(found.low[:, 0])].tolist())
+    known = [pair for pair in numbers if len(pair) == 2]
+    assert len(known) >= 6
+    assert all(pair == known[0] and pair[0] != pair[1] for pair in known)
+
+
+def test_a_body_is_not_followed_before_it_is_wholly_in_the_region():
+    # The region is 1.6 m wide; half of the body is in it at first.
+    velocity = (-0.5, 0.0, 0.0)
+    view = View(noise=3e-3)
+    for k, place in enumerate(way((0.84, 0.0, 0.41), velocity, 14)):
+        view.look([place], k * PERIOD)
+        for found in view.clusters.found():
+            assert place[0] + 0.06 < 0.8
+            assert found.velocity == pytest.approx(velocity, abs=0.08)
+    assert len(view.clusters.found()) == 1
+
+
+def test_a_ball_holds_what_several_sensors_see():
+    track, half = Track(1), 0.06
+    turns = np.array([(1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)])
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 9)] * 2), axis=-1).reshape(-1, 2)
+    velocity, seen = np.array((0.3, -0.2, 0.1)), []
+    for k in range(12):
+        # A quarter of a ball's surface, towards each sensor in turn.
+        out = turns[k % 3]
+        round_it = np.stack([np.roll(out, 1), np.roll(out, 2)])
+        points = 0.7 * grid @ round_it + out
+        points = half * points / np.linalg.norm(points, axis=1)[:, None]
+        points += 0.02 * k * velocity
+        seen.append(points - 0.02 * k * velocity)
+        track.add(part_of(points, 3.0 * out, k % 3, 0.02 * k), FASTEST)
+    assert track.moves
+    low, high = track.box(0.22)
+    middle = 0.5 * (low + high) - 0.22 * track.velocity.mean
+    farthest = np.linalg.norm(np.concatenate(seen) - middle, axis=1).max()
+    assert track.radius(0.22) == pytest.approx(farthest, abs=2e-3)
+    # Less far than the corners of the box.
+    assert track.radius(0.22) < 0.85 * np.linalg.norm(0.5 * (high - low))
+    lone = Track(2)
+    lone.add(part_of(points, np.zeros(3), 1, 0.0), FASTEST)
+    assert lone.radius(0.0) == 0.0
 
 
 def test_clusters_and_tracks_are_bounded():

@@ -6,7 +6,7 @@ A command without a proof is not sent. If not even the pending commands can be p
 any longer, the robot is stopped, which the last cycle has proven to be in time.
 """
 
-from armguard.guard.change import proves_change
+from armguard.guard.change import TOO_MANY, proves_change
 from armguard.guard.commands import (
     hold_still,
     is_new,
@@ -21,7 +21,8 @@ from armguard.guard.guarded_cycle import conclude, judge_input, refuse
 from armguard.guard.levels import Reason
 from armguard.guard.limits import report_measured_limits
 from armguard.guard.observe import now_of
-from armguard.guard.sensed_search import begin_work
+from armguard.guard.proofs import evaded_clusters
+from armguard.guard.sensed_search import begin_again, begin_work
 from armguard.guard.stops import set_clocks
 from armguard.guard.watch import (
     AT_REST,
@@ -86,9 +87,9 @@ def close_cycle(judged: int, w: Workspace) -> None:
     """
     v, m = w.watch, w.motion
     if judged != 0:
-        begin_recoveries(v, m)
+        begin_recoveries(w, v, m)
         prove_wanted(w)
-        end_recoveries(v)
+        end_recoveries(w, v)
         for r in range(v.recover.shape[0]):
             if v.recover[r] == GIVES_UP:
                 demand_stop(r, TOO_CLOSE, v)
@@ -97,7 +98,7 @@ def close_cycle(judged: int, w: Workspace) -> None:
 
 
 @kernel
-def begin_recoveries(v: Watch, m: Motion) -> None:
+def begin_recoveries(w: Workspace, v: Watch, m: Motion) -> None:
     """Start the recoveries and evasions that the response has requested."""
     recover = v.recover
     for r in range(recover.shape[0]):
@@ -111,6 +112,12 @@ def begin_recoveries(v: Watch, m: Motion) -> None:
             v.phase[r] = RECOVERING
             v.relief[r] = v.deficit[r]
             v.relief_until[r] = now_of(v) + m.span.settled
+            if evaded_clusters(r, v) != 0:
+                # Cells that it need not keep away from any more have used up the work,
+                # and half-spaces may stand for them.
+                m.effort.tests = 0
+                v.judged_count[0] = TOO_MANY
+                begin_again(r, w.sensed)
         elif recover[r] != GIVES_UP:
             recover[r] = 0
 
@@ -155,6 +162,9 @@ def take_back(share: float, v: Watch, m: Motion) -> bool:
             # This motion does not lead away; half of it would do so less surely.
             v.phase[r] = RUNNING if v.recover[r] == AT_WORK else RESTING
             v.recover[r] = 0
+            if evaded_clusters(r, v) != 0:
+                # Cells that it evaded may have no row.
+                v.judged_count[0] = TOO_MANY
             keep_under_way(r, 0.0, v, m)
             found = True
         elif v.phase[r] == RECOVERING or (v.phase[r] == RUNNING and v.yields[r] != 0):
@@ -188,8 +198,12 @@ def judge_again(recovers: bool, w: Workspace) -> None:
 
 
 @kernel
-def end_recoveries(v: Watch) -> None:
-    """End the recovery of a robot when no pair of it is too near any more."""
+def end_recoveries(w: Workspace, v: Watch) -> None:
+    """End the recovery of a robot when no pair of it is too near any more.
+
+    An evasion goes on while cells that the robot evades are near.
+    """
     for r in range(v.phase.shape[0]):
-        if v.phase[r] == RECOVERING and v.relieved[r] == 0 and v.must[r] == 0:
+        near = v.relieved[r] != 0 or v.must[r] != 0 or w.sensed.evaded[r] != 0
+        if v.phase[r] == RECOVERING and not near:
             v.phase[r] = RUNNING

@@ -146,6 +146,7 @@ def sightings_at_start(tables: SceneTables) -> dict[str, Any]:
     """Moving objects, none of them seen yet, by field of a `Watch`."""
     speeds = tables.top_speeds
     count = len(speeds) and len(tables.kinds)
+    clusters = MOST_CLUSTERS if tables.sensing else 0
     return {
         "top_speed": speeds,
         "movers": np.flatnonzero(speeds[: tables.modelled]).astype(np.int32),
@@ -153,7 +154,8 @@ def sightings_at_start(tables: SceneTables) -> dict[str, Any]:
         "sighted_at": np.full(count, -np.inf),
         "object_velocity": np.zeros((len(speeds), 3)),
         "object_stale": ages_of_objects(count, tables),
-        "clusters": records(MOST_CLUSTERS if tables.sensing else 0, Cluster),
+        "clusters": records(clusters, Cluster),
+        "cluster_evaded": np.zeros(clusters, dtype=np.int64),
         "evaded": np.zeros(len(speeds), dtype=np.int64),
         "doubt": np.zeros(count, dtype=np.int64),
     }

@@ -87,7 +87,7 @@ class Monitor(Loop):
             # Compiles or loads the cycle; positions that are none change nothing.
             run_guarded_cycle(NO_POSITIONS, self._lines)
         load_kernels()
-        self._clusters = ClusterTable(self._watch.clusters)
+        self._clusters = ClusterTable(self._watch.clusters, self._watch.cluster_evaded)
         self._proven = ProvenLines(tables, self._objects, self._holding)
         self.home_verdict = self.judge_at_rest(self.tables.home)
         check_home(self.home_verdict, scene)

@@ -77,7 +77,8 @@ def prove_pair(
     near.envelope = OF_WITNESS
     need, drift = static_need(i, j, w, v, m), object_speed(j, v)
     whole = need + drift * m.span.settled
-    if is_evaded(i, j, v) and m.span.segment == 0:
+    evaded = is_evaded(i, j, v) or rests_among_cells(i, j, plan_i, w)
+    if evaded and m.span.segment == 0:
         by_levers = distance - whole - m.reach[plan_i, i]
         if not by_levers >= 0.0:
             v.relieved[robot_of(i, v)] = 1
@@ -233,6 +234,35 @@ def is_evaded(i: int, j: int, v: Watch) -> bool:
     if r < 0 or v.phase[r] != RECOVERING:
         return False
     return bool((v.evaded[j] >> r) & 1 != 0)
+
+
+@kernel
+def evaded_clusters(r: int, v: Watch) -> int:
+    """Bit set of the clusters that a robot evades."""
+    found = 0
+    for c in range(v.cluster_evaded.shape[0]):
+        found |= ((v.cluster_evaded[c] >> r) & 1) << c
+    return found
+
+
+@kernel
+def rests_among_cells(i: int, j: int, plan_i: int, w: Workspace) -> bool:
+    """Whether no stop changes a pair of an evading robot and of cells that grow.
+
+    A stop of the robot does not move the primitive, nor protect it. The evasion of a
+    cluster need not end for that.
+
+    Args:
+        i: Primitive of the robot.
+        j: The cells.
+        plan_i: The stop of the robot, NEXT or NOW.
+        w: The workspace.
+    """
+    v, r = w.watch, robot_of(i, w.watch)
+    grows = j >= w.settings.modelled and object_speed(j, v) > 0.0
+    if not grows or r < 0 or v.phase[r] != RECOVERING:
+        return False
+    return bool(w.motion.reach[plan_i, i] == 0.0 and evaded_clusters(r, v) != 0)
 
 
 @kernel

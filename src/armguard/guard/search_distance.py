@@ -13,7 +13,7 @@ from armguard.guard.needs import (
     robot_of,
     time_since,
 )
-from armguard.guard.proofs import coarse
+from armguard.guard.proofs import coarse, evaded_clusters
 from armguard.guard.watch import RECOVERING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -115,14 +115,15 @@ def follows_twists(i: int, v: Watch, m: Motion) -> int:
     """1 if a primitive's search distance follows from twists, 0 if from levers.
 
     The proofs of a robot in mode "speed" or with a brake rest on levers. A recovering
-    robot is relieved of pairs that levers do not prove.
+    robot is relieved of pairs that levers do not prove, unless it evades a cluster:
+    then it is relieved of cells wherever they are.
     """
     if m.span.segment != 0 or coarse(i, v, m):
         return 0
     r = robot_of(i, v)
     if r < 0:
         return 1 if object_speed(i, v) == 0.0 else 0
-    return 0 if v.phase[r] == RECOVERING else 1
+    return 0 if v.phase[r] == RECOVERING and evaded_clusters(r, v) == 0 else 1
 
 
 @kernel

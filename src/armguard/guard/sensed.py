@@ -185,6 +185,8 @@ class Sensed(NamedTuple):
             cycle, see `judge_robot`, shape (4, robots).
         work: Work on the cells near each robot in this cycle, see `count_work`, shape
             (robots,).
+        evaded: 1 where cells of a cluster that a robot evades are near it, shape
+            (robots,).
         before: Scratch: demand of a robot before its cells are judged.
         demand: Scratch: that before a box is judged.
         about: What is known of all cells together.
@@ -207,6 +209,7 @@ class Sensed(NamedTuple):
     sources: ByteVector
     coarse: IntMatrix
     work: IntVector
+    evaded: IntVector
     before: Demand
     demand: Demand
     about: Knowledge
@@ -246,6 +249,7 @@ def empty_sensed(tables: SceneTables, claims: Claims) -> Sensed:
         sources=np.zeros(robots * sum(SLOTS), dtype=np.uint8),
         coarse=np.zeros((len(SLOTS), robots), dtype=np.int32),
         work=np.zeros(robots, dtype=np.int32),
+        evaded=np.zeros(robots, dtype=np.int32),
         before=records((), Demand),
         demand=records((), Demand),
         about=knowledge_of(tables.sensing),

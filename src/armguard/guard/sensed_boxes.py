@@ -195,13 +195,16 @@ def slot_of_box(free: int, w: Workspace) -> int:
 
 @kernel
 def bound_slot(slot: int, w: Workspace) -> None:
-    """Write errors, bounds, stamp and source of a slot: those of the box."""
+    """Write errors, bounds, stamp and source of a slot: those of the box.
+
+    No robot evades it yet.
+    """
     s, g = w.sensed, w.sensed.box
     w.world.rows[slot, 0] = g.error
     box = w.world.boxes[slot]
     for k in range(3):
         box[k], box[k + 3] = g.low[k] - g.error, g.high[k] + g.error
-    w.watch.seen_at[slot] = g.stamp
+    w.watch.seen_at[slot], w.watch.evaded[slot] = g.stamp, 0
     s.sources[slot - s.slots[0, 0]] = g.source
 
 

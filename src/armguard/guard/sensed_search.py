@@ -145,6 +145,7 @@ def within(members: np.uint64, corner: Vec3, edge: float, search: Search) -> np.
 def begin_cells(s: Sensed) -> None:
     """Start a cycle, or the check of a line, for cells."""
     s.coarse[:] = BY_WORD
+    s.evaded[:] = 0
     begin_work(s)
 
 
@@ -152,6 +153,14 @@ def begin_cells(s: Sensed) -> None:
 def begin_work(s: Sensed) -> None:
     """Start the work on cells."""
     s.work[:] = 0
+
+
+@kernel
+def begin_again(r: int, s: Sensed) -> None:
+    """Start the work on the cells near a robot again, as finely as at first."""
+    s.work[r] = 0
+    for kind in range(s.coarse.shape[0]):
+        s.coarse[kind, r] = BY_WORD
 
 
 @kernel

@@ -1,5 +1,6 @@
 """Pairs of a primitive and a slot: a box of cells, or a half-space for many boxes."""
 
+from armguard.guard.evaded_cells import is_of_evaded
 from armguard.guard.judged_pair import judge_pair
 from armguard.guard.needs import static_need
 from armguard.guard.search_distance import pair_look, way_until_look
@@ -12,6 +13,7 @@ from armguard.guard.sensed_boxes import (
 )
 from armguard.guard.sensed_planes import list_box, nearest_open, slot_of_nearest
 from armguard.guard.sensed_search import count_work
+from armguard.guard.watch import RECOVERING
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
 
@@ -42,15 +44,26 @@ def restore_demand(r: int, before: Demand, w: Workspace) -> None:
 def judge_box(count: int, w: Workspace) -> int:
     """Judge the box in its slot, or in a free one; or list it, to be judged by planes.
 
+    One of a cluster that the robot evades is not listed: its proof would not count.
+
     Returns:
         New count of rows.
     """
-    s = w.sensed
+    s, v = w.sensed, w.watch
+    r = s.search.robot
+    evaded = is_of_evaded(r, w)
+    if evaded and v.phase[r] == RECOVERING:
+        s.evaded[r] = 1
+        if s.search.level == BY_PLANE:
+            return count
     if s.search.level == BY_PLANE:
         list_box(s)
         return count
     free = first_slot(s) + s.about.used
-    return judge_slot(slot_of_box(free, w), free, count, w)
+    slot = slot_of_box(free, w)
+    if evaded and slot < end_of_slots(s):
+        v.evaded[slot] = 1 << r
+    return judge_slot(slot, free, count, w)
 
 
 @kernel(inline=False)
@@ -58,15 +71,18 @@ def judge_whole(count: int, w: Workspace) -> int:
     """Judge the box, unless it is too coarse: as a box it would stop a robot.
 
     One of space not known free is too coarse if it is near a stop: such space is on all
-    sides of an arm, and its boxes would take all slots.
+    sides of an arm, and its boxes would take all slots. One of a cluster that the robot
+    evades stops it in no case.
 
     Returns:
         New count of rows, -1 if the box is to be divided. Nothing of it is left then.
     """
     s = w.sensed
+    r, used = s.search.robot, s.about.used
+    if w.watch.phase[r] == RECOVERING and is_of_evaded(r, w):
+        return judge_box(count, w)
     if is_coarse(s):
         return -1
-    r, used = s.search.robot, s.about.used
     note_demand(r, s.demand, w)
     kept = w.settings.margin if s.search.kind >= UNSEEN else 0.0
     found = judge_box(count, w)

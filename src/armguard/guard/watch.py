@@ -233,6 +233,7 @@ class Watch(NamedTuple):
             or (0, 3) [m/s].
         clusters: Clusters of sensed cells that move, shape (c,); one without velocity
             is none.
+        cluster_evaded: Bit set of the robots that evade each cluster, shape (c,).
         evaded: Bit set of the robots that evade each primitive, shape (p,) or (0,).
         judged_pairs: Pairs judged in this cycle: two primitives, and the pair's row in
             the answer or -1, shape (k, 3).
@@ -320,6 +321,7 @@ class Watch(NamedTuple):
     evades: LongVector
     object_velocity: Matrix
     clusters: Annotated[Records[Cluster], 1]
+    cluster_evaded: LongVector
     evaded: LongVector
     judged_pairs: LongMatrix
     judged_left: Vector

@@ -4,7 +4,7 @@ from math import inf, nan
 
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
-from armguard.guard.clusters import Cluster
+from armguard.guard.evaded_cells import is_confirmed
 from armguard.guard.needs import robot_of, time_since
 from armguard.guard.sensed import CellKind
 from armguard.guard.watch import Watch
@@ -31,9 +31,6 @@ FARTHEST = 8.0
 
 BOX, MOVING = int(ShapeKind.BOX), int(CellKind.MOVING)
 
-# `Approaching.primitive` of a cluster.
-NO_PRIMITIVE = -1
-
 
 @kernel
 def look_for_approaching(
@@ -41,7 +38,8 @@ def look_for_approaching(
 ) -> None:
     """Find the obstacles that approach a robot; write the time until they have passed.
 
-    The robot's own primitives are listed as well.
+    The robot's own primitives are listed as well. Clusters that approach it are marked
+    as evaded by it, others are not.
     """
     plan, reach, boxes = e.plan, e.reach, w.world.boxes
     plan.own_count = plan.approaching_count = 0
@@ -64,12 +62,14 @@ def look_for_approaching(
         if w.octree.residency[j].status != ABSENT:
             describe_object(j, e.approaching[plan.approaching_count], w, v)
             keep_if_approaching(ahead, e, v, m)
+    forget_clusters(r, v)
     for c in range(v.clusters.shape[0]):
         if plan.approaching_count == MOST_APPROACHING:
             break
-        group = w.groups[w.sensed.slots[MOVING, 0]]
-        describe_cluster(v.clusters[c], group, e.approaching[plan.approaching_count])
-        keep_if_approaching(ahead, e, v, m)
+        if is_confirmed(v.clusters[c], v, m):
+            describe_cluster(c, e.approaching[plan.approaching_count], w, v)
+            if keep_if_approaching(ahead, e, v, m):
+                v.cluster_evaded[c] |= 1 << r
     plan.horizon = min(plan.horizon, FARTHEST)
     plan.present_gap = nan
 
@@ -84,13 +84,22 @@ def describe_object(j: int, out: Approaching, w: Workspace, v: Watch) -> None:
         out.box[k] = w.world.boxes[j, k]
     for k in range(3):
         out.velocity[k] = v.object_velocity[j, k]
-    out.error, out.seen_at = 0.0, v.seen_at[j]
+    out.radius, out.error, out.seen_at = 0.0, 0.0, v.seen_at[j]
 
 
 @kernel
-def describe_cluster(cluster: Cluster, group: int, out: Approaching) -> None:
+def forget_clusters(r: int, v: Watch) -> None:
+    """Note that a robot evades no cluster."""
+    for c in range(v.cluster_evaded.shape[0]):
+        v.cluster_evaded[c] &= ~(1 << r)
+
+
+@kernel
+def describe_cluster(c: int, out: Approaching, w: Workspace, v: Watch) -> None:
     """Describe a cluster of sensed cells as a box along the axes of the world."""
-    out.primitive, out.group, out.kind = NO_PRIMITIVE, group, BOX
+    cluster = v.clusters[c]
+    out.primitive, out.kind = -1 - c, BOX
+    out.group = w.groups[w.sensed.slots[MOVING, 0]]
     for k in range(ROW_WIDTH):
         out.row[k] = 0.0
     for k in range(3):
@@ -99,11 +108,12 @@ def describe_cluster(cluster: Cluster, group: int, out: Approaching) -> None:
         out.row[7 + 4 * k] = 1.0
         out.box[k], out.box[k + 3] = low, high
         out.velocity[k] = cluster.velocity[k]
-    out.error, out.seen_at = cluster.error, cluster.stamp
+    out.radius, out.error = cluster.radius, cluster.error
+    out.seen_at = cluster.stamp
 
 
 @kernel
-def keep_if_approaching(ahead: float, e: Escape, v: Watch, m: Motion) -> None:
+def keep_if_approaching(ahead: float, e: Escape, v: Watch, m: Motion) -> bool:
     """Keep the last described obstacle if it gets beside the robot soon.
 
     Args:
@@ -111,12 +121,15 @@ def keep_if_approaching(ahead: float, e: Escape, v: Watch, m: Motion) -> None:
         e: Escape, with the box around the robot; the horizon is extended.
         v: Watch.
         m: Motion.
+
+    Returns:
+        Whether it is kept.
     """
     plan, reach = e.plan, e.reach
     obstacle = e.approaching[plan.approaching_count]
     speed = speed_of(obstacle)
     if not speed > SLOWEST:
-        return
+        return False
     approaches, way = True, 0.0
     since = time_since(obstacle.seen_at, v, m)
     for k in range(3):
@@ -128,13 +141,14 @@ def keep_if_approaching(ahead: float, e: Escape, v: Watch, m: Motion) -> None:
     if approaches:
         plan.approaching_count += 1
         plan.horizon = max(plan.horizon, (way / speed + BEHIND) / speed)
+    return bool(approaches)
 
 
 @kernel
 def has_cluster(e: Escape) -> bool:
     """Whether one of the approaching obstacles is a cluster."""
     for c in range(e.plan.approaching_count):
-        if e.approaching[c].primitive == NO_PRIMITIVE:
+        if e.approaching[c].primitive < 0:
             return True
     return False
 
@@ -146,6 +160,6 @@ def is_approaching(j: int, e: Escape, w: Workspace) -> bool:
     moves = slots[MOVING, 0] <= j < slots[MOVING, 1]
     for c in range(e.plan.approaching_count):
         primitive = e.approaching[c].primitive
-        if primitive == j or (primitive == NO_PRIMITIVE and moves):
+        if primitive == j or (primitive < 0 and moves):
             return True
     return False

@@ -9,12 +9,17 @@ proof may still slow the robot where the motion passes other bodies closely.
 
 from math import inf, sqrt
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import stack
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
+from armguard.geometry.shapes.kind import ShapeKind
+from armguard.geometry.shapes.row import ROW_WIDTH
+from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.needs import robot_of, static_need, time_since
 from armguard.guard.watch import Watch
@@ -30,6 +35,8 @@ from armguard.robot.kinematics import forward_kinematics
 
 Floats = NDArray[np.float64]
 
+SPHERE = int(ShapeKind.SPHERE)
+
 # Gap beyond the required separation that is enough, and gap below which an obstacle
 # counts as near [m].
 ENOUGH = 0.06
@@ -37,6 +44,9 @@ NEAR = 0.03
 
 # Gap at which the obstacle counts as touching the arm [m].
 TOUCHED = -4e-3
+
+# Time after which newer frames correct a velocity, so that its error grows no more [s].
+CORRECTED = 0.25
 
 # Value of a motion on which an obstacle touches the arm, at the end of the horizon and
 # at once: less than any other value [m].
@@ -227,7 +237,8 @@ def gap_to_approaching(
             i = int(e.own[k])
             if w.checked[w.groups[i], obstacle.group] == 0:
                 continue
-            need = obstacle_need(i, obstacle.group, w, v, m) + obstacle.error * on
+            need = obstacle_need(i, obstacle.group, w, v, m)
+            need += obstacle.error * min(on, CORRECTED)
             if box_gap(e.boxes[i], obstacle.box, e.shift) - need >= least:
                 continue
             measure(
@@ -237,7 +248,7 @@ def gap_to_approaching(
                 e.obstacle,
                 e.witness,
             )
-            gap = e.witness[0] - need
+            gap = max(e.witness[0], ball_gap(i, obstacle, e, w)) - need
             if gap < least:
                 least = gap
                 if gap < plan.gap:
@@ -246,6 +257,25 @@ def gap_to_approaching(
                     for x in range(e.witness.shape[0]):
                         e.closest[x] = e.witness[x]
     return least
+
+
+@kernel(inline=False)
+def ball_gap(i: int, obstacle: Approaching, e: Escape, w: Workspace) -> float:
+    """Distance of a placed primitive to the ball that holds an obstacle [m].
+
+    Minus infinity without a ball. The corners of a box are farther out than those of
+    the body in it.
+    """
+    if not obstacle.radius > 0.0:
+        return -inf
+    row = numba.carray(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
+    witness = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
+    row[:] = 0.0
+    row[0] = obstacle.radius
+    for k in range(3):
+        row[1 + k] = e.obstacle[1 + k]
+    measure(w.world.kinds[i], e.rows[i], SPHERE, row, witness)
+    return float(witness[0])
 
 
 @kernel

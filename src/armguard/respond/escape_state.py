@@ -68,6 +68,7 @@ class EscapePlan:
         own_count: Primitives of the robot.
         approaching_count: Approaching obstacles.
         other_count: Other primitives near its workspace.
+        moving_count: Boxes of moving cells near it, see `list_moving`.
         placed: Primitives that were placed.
         delay: Time until a command of this cycle takes effect [s].
         rise: Time in which the joints reach the velocities of the motion [s].
@@ -86,6 +87,7 @@ class EscapePlan:
     own_count: int
     approaching_count: int
     other_count: int
+    moving_count: int
     placed: int
     delay: float
     rise: float
@@ -106,12 +108,14 @@ class Approaching:
     """An obstacle that approaches a robot, as it was seen last.
 
     Attributes:
-        primitive: Its primitive; -1 for a cluster of sensed cells.
+        primitive: Its primitive; -1 - c for cluster c of sensed cells.
         group: Group of its pairs.
         kind: ShapeKind.
         row: Row of its shape, world, shape (16,).
         box: Box around its shape, shape (6,) [m].
         velocity: Its velocity, shape (3,) [m/s].
+        radius: Radius of a ball around the middle of its box that holds it too, 0 for
+            none [m].
         error: How far off the velocity may be [m/s].
         seen_at: When it was seen, see `Watch.seen_at` [s].
     """
@@ -122,6 +126,7 @@ class Approaching:
     row: Annotated[Floats, (ROW_WIDTH,)]
     box: Annotated[Floats, (6,)]
     velocity: Annotated[Floats, (3,)]
+    radius: float
     error: float
     seen_at: float
 

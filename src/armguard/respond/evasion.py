@@ -13,9 +13,12 @@ robot stays.
 from enum import IntEnum
 from math import inf
 
+from armguard.guard.change import TOO_MANY
 from armguard.guard.commands import time_passed
+from armguard.guard.evaded_cells import mark_slots
 from armguard.guard.motion_pairs import asks_index
 from armguard.guard.needs import robot_of
+from armguard.guard.proofs import evaded_clusters
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING, Watch
 from armguard.guard.workspace import Workspace
 from armguard.kernel import kernel
@@ -24,12 +27,13 @@ from armguard.motion.state import Motion
 from armguard.record import clear
 from armguard.respond.approaching import (
     FORESIGHT,
-    NO_PRIMITIVE,
+    forget_clusters,
     has_cluster,
     is_approaching,
     look_for_approaching,
 )
 from armguard.respond.engagement import NO_REQUEST
+from armguard.respond.escape_cells import REACH, list_moving
 from armguard.respond.escape_path import ENOUGH, NEAR, judge_way, may_be_met
 from armguard.respond.escape_state import Escape
 from armguard.respond.escape_ways import look_across, way_count, write_way
@@ -43,9 +47,6 @@ CLEAR = 0.045
 
 # Least improvement for which a robot changes to another escape motion [m].
 BETTER = 8e-3
-
-# Distance from a robot within which other bodies are considered [m].
-REACH = 0.6
 
 # Primitives that are placed in a cycle for a robot, beyond those of its chosen motion.
 PLACED = 800
@@ -102,12 +103,19 @@ def evade_all(a: Response, w: Workspace) -> None:
     for r in range(v.evades.shape[0]):
         if a.settings[r].evade_time == 0.0:
             continue
+        before = evaded_clusters(r, v)
         if evades(r, a, e, w, v, m):
             v.evades[r] = 1
             for c in range(e.plan.approaching_count):
-                # Cells remain obstacles, also those of an evaded cluster.
-                if e.approaching[c].primitive != NO_PRIMITIVE:
+                if e.approaching[c].primitive >= 0:
                     v.evaded[e.approaching[c].primitive] |= 1 << r
+        else:
+            forget_clusters(r, v)
+        if before & ~evaded_clusters(r, v) != 0:
+            # Cells that it evaded may have no row.
+            v.judged_count[0] = TOO_MANY
+        if v.clusters.shape[0] != 0:
+            mark_slots(r, w)
 
 
 @kernel
@@ -245,8 +253,13 @@ def is_threatened(
 
 @kernel
 def look_for_others(r: int, e: Escape, w: Workspace, v: Watch) -> None:
-    """List other primitives near a robot, unless the index will be queried."""
+    """List moving cells and other primitives near a robot.
+
+    No primitives if the index will be queried.
+    """
     plan, reach = e.plan, e.reach
+    if w.settings.sensed != 0:
+        list_moving(r, e, w)
     plan.other_count = 0
     if asks_index(w) != 0:
         return

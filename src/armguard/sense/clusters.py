@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import product
 from math import inf
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from armguard.cells.grid import Bools
 from armguard.cells.state import BLOCK_SIDE, MEMBERS
 from armguard.cells.view import places_of
 from armguard.errors import SceneError
-from armguard.guard.clusters import MOST_CLUSTERS, Cluster
+from armguard.guard.clusters import CONFIRMED, FOLLOWED, MOST_CLUSTERS, Cluster
 from armguard.record import Records, records
 
 Floats = NDArray[np.float64]
@@ -26,13 +27,10 @@ NEW = 2.0
 # of a part. With more new cells a frame has no clusters.
 MOST_CELLS, MOST_POINTS, MOST_TRACKS, LEAST_POINTS = 4096, 20_000, 16, 3
 
-# Time for which sightings count, and after which a body that is no longer seen is
-# forgotten [s].
-KEPT, FORGOTTEN = 0.4, 0.25
-
 # A body moves if its velocity follows from so many sightings over so much time [s], is
-# at least this fast [m/s], and so many times as fast as its error [-].
-SIGHTINGS, SPAN, SLOWEST, SURE = 4, 0.1, 0.03, 2.0
+# at least this fast [m/s], and so many times as fast as its error [-]; a smaller
+# multiple suffices once it is known to move.
+SIGHTINGS, SPAN, SLOWEST, SURE, KNOWN = 4, 0.06, 0.03, 2.0, 1.0
 
 # Share of the span of the sightings that two of them are apart for a slope [-].
 APART = 0.4
@@ -43,7 +41,11 @@ SIGMAS, OF_MEDIAN = 3.0, 1.4826
 
 # Least standard deviation of the middle of a body in a frame, and the greatest one of
 # sightings that agree [m].
-LEAST_ERROR, AGREE = 2e-3, 0.01
+LEAST_ERROR, AGREE = 3e-3, 0.01
+
+# Directions in which the outermost points of a part are kept: to the faces, edges and
+# corners of a cube, shape (26, 3).
+AROUND = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 
 class Part(NamedTuple):
@@ -55,6 +57,7 @@ class Part(NamedTuple):
         middle: Their mean, shape (3,) [m].
         low: Lower corner of the box around them, shape (3,) [m].
         high: Upper corner [m].
+        ends: The outermost of them to all sides, shape (26, 3) [m].
         behind: Way from them to the other side of the body, if that is as deep as it
             looks wide, shape (3,) [m].
     """
@@ -64,6 +67,7 @@ class Part(NamedTuple):
     middle: Floats
     low: Floats
     high: Floats
+    ends: Floats
     behind: Floats
 
 
@@ -87,19 +91,31 @@ class Track:
     """A body that is followed.
 
     Attributes:
+        number: Its number.
         parts: Its sightings, the newest last.
         velocity: What follows from them.
+        moves: Whether it surely moves, and no faster than bodies do.
     """
 
+    number: int
     parts: deque[Part] = field(default_factory=deque)
     velocity: Velocity = UNKNOWN
+    moves: bool = False
 
-    def add(self, part: Part) -> None:
-        """Add a sighting, and fit the velocity."""
+    def add(self, part: Part, fastest: float) -> None:
+        """Add a sighting, and fit the velocity.
+
+        Args:
+            part: The sighting.
+            fastest: Greatest speed of a body [m/s].
+        """
         self.parts.append(part)
-        while self.parts[0].stamp < part.stamp - KEPT:
+        while self.parts[0].stamp < part.stamp - FOLLOWED:
             self.parts.popleft()
-        self.velocity = velocity_of(self.parts)
+        self.velocity = velocity_of(self.parts, inf if self.moves else AGREE)
+        speed, error = float(np.linalg.norm(self.velocity.mean)), self.velocity.error
+        least = (KNOWN if self.moves else SURE) * error
+        self.moves = max(SLOWEST, least) < speed <= fastest + error
 
     @property
     def stamp(self) -> float:
@@ -120,15 +136,17 @@ class Track:
             high = np.maximum(high, part.high + way + np.maximum(behind, 0.0))
         return low, high
 
-    def moves(self, fastest: float) -> bool:
-        """Whether it surely moves, and no faster than bodies do.
+    def radius(self, stamp: float) -> float:
+        """Radius of the ball around the middle of that box that holds all of them [m].
 
-        Args:
-            fastest: Greatest speed of a body [m/s].
+        None is known of a body that one sensor sees, and it is 0.
         """
-        speed = float(np.linalg.norm(self.velocity.mean))
-        error = self.velocity.error
-        return max(SLOWEST, SURE * error) < speed <= fastest + error
+        if len({part.sensor for part in self.parts}) == 1:
+            return 0.0
+        low, high = self.box(stamp)
+        ways = np.array([stamp - part.stamp for part in self.parts])[:, None, None]
+        ends = np.array([part.ends for part in self.parts]) + ways * self.velocity.mean
+        return float(np.linalg.norm(ends - 0.5 * (low + high), axis=2).max())
 
 
 class Clusters:
@@ -160,6 +178,7 @@ class Clusters:
         self._components = scipy.sparse.csgraph.connected_components
         self._cells, self._fastest = cells, fastest
         self._tracks: list[Track] = []
+        self._begun = 0
 
     def look(self, points: Floats, origin: Floats, sensor: int, taken: float) -> None:
         """Follow the bodies into a frame that the map has taken.
@@ -170,7 +189,7 @@ class Clusters:
             sensor: Number of the sensor.
             taken: When they were measured [s].
         """
-        self._tracks = [t for t in self._tracks if t.stamp > taken - FORGOTTEN]
+        self._tracks = [t for t in self._tracks if t.stamp > taken - CONFIRMED]
         places = self._new_cells(taken)
         if len(places) == 0:
             return
@@ -180,17 +199,18 @@ class Clusters:
             part_of(points[of_points == label], origin, sensor, taken)
             for label in np.flatnonzero(np.bincount(of_points + 1)[1:] >= LEAST_POINTS)
         ]
-        self._follow(parts, taken)
+        self._follow([part for part in parts if self._is_whole(part)])
 
     def found(self) -> Records[Cluster]:
         """Bodies that surely move, the fastest first, for `Guard.update_clusters`."""
-        moving = [t for t in self._tracks if t.moves(self._fastest)]
+        moving = [t for t in self._tracks if t.moves]
         moving.sort(key=lambda track: -np.linalg.norm(track.velocity.mean))
         out: Any = records(min(len(moving), MOST_CLUSTERS), Cluster)
         for row, track in zip(out, moving, strict=False):
-            row["stamp"] = track.stamp
+            row["stamp"], row["number"] = track.stamp, track.number
             row["low"], row["high"] = track.box(track.stamp)
             row["velocity"], row["error"] = track.velocity
+            row["radius"] = track.radius(track.stamp)
         found: Records[Cluster] = out
         return found
 
@@ -232,7 +252,14 @@ class Clusters:
         chosen = order[spot]
         return np.where(inside & (known[chosen] == keys), labels[chosen], -1)
 
-    def _follow(self, parts: list[Part], now: float) -> None:
+    def _is_whole(self, part: Part) -> bool:
+        """Whether a part is wholly in the region: else its middle is not the body's."""
+        cells = self._cells
+        half = (0.5 * cells.size - 1.0) * cells.cell
+        low, high = part.low - cells.centre, part.high - cells.centre
+        return bool((low > -half).all() and (high < half).all())
+
+    def _follow(self, parts: list[Part]) -> None:
         """Give each part to the nearest track that it overlaps, or begin a track."""
         chances = []
         for k, part in enumerate(parts):
@@ -247,10 +274,11 @@ class Clusters:
                 of_part[k] = t
         for k, part in enumerate(parts):
             if k in of_part:
-                self._tracks[of_part[k]].add(part)
+                self._tracks[of_part[k]].add(part, self._fastest)
             elif len(self._tracks) < MOST_TRACKS:
-                self._tracks.append(Track())
-                self._tracks[-1].add(part)
+                self._begun += 1
+                self._tracks.append(Track(self._begun))
+                self._tracks[-1].add(part, self._fastest)
 
     def _apart(self, track: Track, part: Part) -> float:
         """Distance of the middles of a track and a part, infinite if apart [m]."""
@@ -279,13 +307,18 @@ def part_of(points: Floats, origin: Floats, sensor: int, stamp: float) -> Part:
     away = middle - origin
     away /= max(float(np.linalg.norm(away)), 1e-9)
     behind = float(np.median(high - low)) * away
-    return Part(sensor, stamp, middle, low, high, behind)
+    ends = points[(points @ AROUND.T).argmax(axis=0)]
+    return Part(sensor, stamp, middle, low, high, ends, behind)
 
 
-def velocity_of(parts: deque[Part]) -> Velocity:
+def velocity_of(parts: deque[Part], agree: float) -> Velocity:
     """Velocity of a body by the median of slopes (Theil and Sen).
 
     Slopes are between sightings of the same sensor: another one sees another side.
+
+    Args:
+        parts: Its sightings.
+        agree: Greatest standard deviation of sightings that agree [m].
     """
     stamps = np.array([part.stamp for part in parts])
     span = float(np.ptp(stamps))
@@ -305,7 +338,7 @@ def velocity_of(parts: deque[Part]) -> Velocity:
         own = sensors == sensor
         left[own] -= np.median(left[own], axis=0)
     spread = OF_MEDIAN * float(np.linalg.norm(np.median(np.abs(left), axis=0)))
-    if spread > AGREE:
+    if spread > agree:
         return UNKNOWN
     # Standard deviation of a slope by evenly spaced samples.
     error = max(spread, LEAST_ERROR) * np.sqrt(12.0 / len(parts)) / span
