@@ -1,0 +1,176 @@
+"""A child process that does the work, so that no input ends the process above it.
+
+The two exchange lines of JSON: requests on its standard input, answers on what was its
+standard output.
+"""
+
+import json
+import os
+import resource
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from armguard.errors import ArmguardError
+from armguard.fleet.job import GIGABYTE, FleetError
+from armguard.processes import end_with
+
+# Time to load a scene and, on a first start, to compile the kernels [s].
+PATIENCE = 3600.0
+
+# Bytes that are read at once.
+PIECE = 1 << 20
+
+
+class WorkFailure(Exception):
+    """Work that ended its process: by a crash, without an end, or for its memory."""
+
+
+class Child:
+    """A process for the work of one folder; it starts when it is needed.
+
+    Args:
+        out: Folder of the results.
+        memory: Memory that its work may take beside the scene [GB].
+    """
+
+    def __init__(self, out: Path, memory: float) -> None:
+        self._out, self._memory = out, memory
+        self._process: subprocess.Popen[bytes] | None = None
+        self._rest = b""
+
+    def rows(self, first: int, end: int, limit: float) -> list[dict[str, Any]]:
+        """Results of a span of items.
+
+        Args:
+            first: First item.
+            end: The one after the last.
+            limit: Time until its answer, without that of loading the scene [s].
+
+        Raises:
+            WorkFailure: There is no answer; the message says why.
+            FleetError: The process refuses the work.
+        """
+        try:
+            self._send({"first": first, "end": end})
+            self._answer(PATIENCE)
+            found: list[dict[str, Any]] = self._answer(limit)["rows"]
+            return found
+        except (WorkFailure, FleetError):
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End the process."""
+        process, self._process, self._rest = self._process, None, b""
+        if process is not None:
+            process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                assert pipe is not None
+                try:
+                    pipe.close()
+                except BrokenPipeError:
+                    # The process ended before it read the last request.
+                    continue
+
+    def _send(self, request: dict[str, Any]) -> None:
+        """Send a request, to a new process where there is none."""
+        if self._process is None:
+            words = [str(self._out), str(self._memory), str(os.getpid())]
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "armguard.fleet.child", *words],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(json.dumps(request).encode() + b"\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise WorkFailure(self._cause()) from None
+
+    def _answer(self, limit: float) -> dict[str, Any]:
+        """The next answer."""
+        assert self._process is not None and self._process.stdout is not None
+        pipe, end = self._process.stdout.fileno(), time.monotonic() + limit
+        pieces = [self._rest]
+        while b"\n" not in pieces[-1]:
+            left = end - time.monotonic()
+            if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
+                raise WorkFailure("there was no answer within the time limit")
+            piece = os.read(pipe, PIECE)
+            if not piece:
+                raise WorkFailure(self._cause())
+            pieces.append(piece)
+        line, _, self._rest = b"".join(pieces).partition(b"\n")
+        answer: dict[str, Any] = json.loads(line)
+        if "refused" in answer:
+            raise FleetError(answer["refused"])
+        if "failed" in answer:
+            raise WorkFailure(answer["failed"])
+        return answer
+
+    def _cause(self) -> str:
+        """Why the process ended."""
+        assert self._process is not None
+        code = self._process.wait()
+        if code < 0:
+            return f"it ended its process by {signal.Signals(-code).name}"
+        return f"it ended its process with exit code {code}"
+
+
+def limit_memory(gigabytes: float) -> None:
+    """On Linux, limit memory to what is in use now and so much more."""
+    if sys.platform != "linux":
+        return
+    status = Path("/proc/self/status").read_text("ascii")
+    used = next(line for line in status.splitlines() if line.startswith("VmData"))
+    most = int(used.split()[1]) * 1024 + int(gigabytes * GIGABYTE)
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+
+
+def serve(out: Path, memory: float, answers: BinaryIO) -> None:
+    """Answer requests until there are no more."""
+
+    def answer(found: dict[str, Any]) -> None:
+        answers.write(json.dumps(found, allow_nan=False).encode() + b"\n")
+        answers.flush()
+
+    from armguard.fleet.work import Work
+
+    limited = False
+    try:
+        work = Work(out)
+        for line in sys.stdin.buffer:
+            request = json.loads(line)
+            work.prepare(request["first"])
+            if not limited:
+                limit_memory(memory)
+                limited = True
+            answer({"ready": True})
+            answer({"rows": work.rows(request["first"], request["end"])})
+    except MemoryError:
+        answer({"failed": "its memory ran out"})
+    except ArmguardError as error:
+        answer({"refused": str(error)})
+
+
+def main() -> None:
+    """Begin: the folder, the memory [GB] and the number of the parent are given."""
+    out, memory, parent = sys.argv[1:]
+    end_with(int(parent))
+    # What libraries print must not reach the one who reads the answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    serve(Path(out), float(memory), answers)
+
+
+if __name__ == "__main__":
+    main()
