@@ -5,6 +5,10 @@ import json
 import duckdb
 import numpy as np
 
+# Paths of files: one for each episode, and for many.
+ONE_EACH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
+MANY = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+
 NAMES = ("turn.pos", "bend.pos")
 
 
@@ -23,6 +27,7 @@ def write_dataset(
         version: "v2.0", "v2.1" or "v3.0".
         states: Positions of each episode, shape (frames, k).
         actions: The leader's, likewise; None for no such feature.
+        fps: Frames a second.
         names: Names of the columns, as in info.json.
         per_file: Episodes of a file, of v3.0.
         info: Entries of info.json that replace the right ones.
@@ -37,9 +42,7 @@ def write_dataset(
         "total_episodes": len(states),
         "total_frames": sum(map(len, states)),
         "chunks_size": 1000,
-        "data_path": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
-        if old
-        else "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "data_path": ONE_EACH if old else MANY,
         "features": {"observation.state": feature}
         | ({} if actions is None else {"action": feature}),
     } | info
@@ -62,7 +65,9 @@ def write_dataset(
         {f"data/chunk-000/episode_{k:06d}.parquet": [k] for k in range(len(states))}
         if old
         else {
-            f"data/chunk-000/file-{k // per_file:03d}.parquet": [*range(k, k + per_file)]
+            f"data/chunk-000/file-{k // per_file:03d}.parquet": [
+                *range(k, k + per_file)
+            ]
             for k in range(0, len(states), per_file)
         }
     )
@@ -74,7 +79,9 @@ def write_dataset(
             f"episode_index) order by all) to '{file}' (format parquet)"
         )
     if old:
-        lines = [json.dumps({k: e[k] for k in ("episode_index", "length")}) for e in episodes]
+        lines = [
+            json.dumps({k: e[k] for k in ("episode_index", "length")}) for e in episodes
+        ]
         (root / "meta" / "episodes.jsonl").write_text("\n".join(lines) + "\n")
         return
     file = root / "meta" / "episodes" / "chunk-000" / "file-000.parquet"
@@ -100,8 +107,8 @@ def add_frames(data, number, state, action, fps):
         "s": sql_array(state),
         "a": [None] * len(state) if action is None else sql_array(action),
     }
-    names = ", ".join(f"unnest(${name}::{kind}[])" for name, kind in
-                      zip("efts", ("bigint", "bigint", "float", "float[]"), strict=True))  # fmt: skip
+    kinds = {"e": "bigint", "f": "bigint", "t": "float", "s": "float[]"}
+    names = ", ".join(f"unnest(${name}::{kind}[])" for name, kind in kinds.items())
     data.execute(f"insert into frames select {names}, unnest($a::float[][])", rows)
 
 

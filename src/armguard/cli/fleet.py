@@ -156,6 +156,26 @@ def report(
 
 
 @fleet.command()
+def view(
+    results: Results,
+    item: Annotated[int, Argument(min=0, help="Number of the result.")],
+    page_port: Annotated[
+        int, Option(help="Port of the page; 0 for a free one.")
+    ] = 8080,
+) -> None:
+    """Show a result in the browser, as the guard judges its frames."""
+    check_packages()
+    if find_spec("viser") is None:
+        raise StationError("the view needs viser: pip install 'armguard[view]'")
+    from armguard.fleet.playback import item_frames
+    from armguard.view.__main__ import show
+    from armguard.view.recorded_view import RecordedView
+
+    scene, frames = item_frames(results, item)
+    show(RecordedView(scene, frames, page_port))
+
+
+@fleet.command()
 def scheduler(
     host: Annotated[str, Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, Option(help="Port to listen on; 0 for a free one.")] = 8786,

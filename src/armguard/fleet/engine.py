@@ -186,7 +186,6 @@ class Cluster:
                 self._address,
                 timeout=PATIENCE,
                 security=None if self._tls is None else self._tls.security(),
-                set_as_default=False,
             )
             self._client.wait_for_workers(1, timeout=PATIENCE)
         except (OSError, TimeoutError) as error:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
@@ -41,14 +42,13 @@ NOT_DECIDING = {"memory", "time_limit"}
 @cache
 def code_digest() -> str:
     """Hash of the code that computes results: version, kernels, and this folder."""
-    from armguard import __version__
-
-    found = sha256(f"{__version__} {DIGEST}".encode())
+    own = version("armguard")
+    found = sha256(f"{own} {DIGEST}".encode())
     for folder in ("batch", "fleet", "plans", "prove", "recording"):
         for path in sorted((PACKAGE / folder).rglob("*.py")):
             found.update(path.relative_to(PACKAGE).as_posix().encode())
             found.update(path.read_bytes())
-    return f"{__version__}-{found.hexdigest()[:16]}"
+    return f"{own}-{found.hexdigest()[:16]}"
 
 
 @dataclass(frozen=True, slots=True)

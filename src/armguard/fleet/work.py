@@ -1,16 +1,16 @@
 """The work of a fleet: results of items, in the order of the items."""
 
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from armguard.errors import ArmguardError
-from armguard.fleet.audit import Auditor, empty_row, finding
+from armguard.fleet.audit import Auditor
 from armguard.fleet.episodes import frames_of
 from armguard.fleet.inputs import Input
 from armguard.fleet.job import FleetError, split_settings
 from armguard.fleet.manifest import Manifest, code_digest
+from armguard.fleet.result import empty_row, failed_row, finding, item_row
 from armguard.plans.plan import Plan
 from armguard.plans.proof import PlanProof
 from armguard.plans.verify import PlanVerifier
@@ -116,18 +116,6 @@ class Work:
                     yield failed_row(one, str(error))
 
         return again
-
-
-def item_row(manifest: Manifest, item: int, row: dict[str, Any]) -> dict[str, Any]:
-    """A result with the number, the scene and the setting of its item."""
-    scene, settings = manifest.groups[manifest.item(item)[0]]
-    text = json.dumps(settings, sort_keys=True)
-    return row | {"item": item, "scene": scene, "setting": text}
-
-
-def failed_row(one: Input, error: str) -> dict[str, Any]:
-    """The result of an input that cannot be judged."""
-    return empty_row(one, one.frames) | {"error": error}
 
 
 def row_of_proof(one: Input, proof: PlanProof, rows: int) -> dict[str, Any]:

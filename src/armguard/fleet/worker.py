@@ -10,8 +10,8 @@ from typing import Any, Self
 from armguard.fleet.child import Child, WorkFailure
 from armguard.fleet.job import FleetError
 from armguard.fleet.manifest import Manifest, code_digest
+from armguard.fleet.result import failed_row, item_row
 from armguard.fleet.store import part_of, write_part
-from armguard.fleet.work import failed_row, item_row
 
 # Half of a shard gets half its time, but never less than this [s].
 LEAST_LIMIT = 5.0
