@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from armguard.batch.checker import Checker
 from armguard.fleet.episodes import Frames
+from armguard.fleet.inputs import PLAN, Input
 from armguard.fleet.job import JobModel
 from armguard.fleet.joints import JointChecks, finite_rows
 from armguard.fleet.result import empty_row, finding
@@ -20,6 +21,9 @@ from armguard.respond import Guard
 from armguard.scene import Scene
 
 Floats = NDArray[np.float64]
+
+# A motion that loads the kernels [rad or m], and its frames a second [Hz].
+WARM, RATE = 0.5, 30.0
 
 # Ends of intervals are this exact [s]; without times, this share of a step.
 RESOLUTION = 1e-4
@@ -44,6 +48,17 @@ class Auditor:
         self._checker = Checker(self.scene)
         self._paver = Paver(self._checker)
         self._joints = JointChecks(self.scene, self._checker, self.job.rest_offset)
+
+    def warm_up(self) -> None:
+        """Load the kernels, by a motion of all joints about home."""
+        q = np.array([self.scene.home, self.scene.home + WARM, self.scene.home])
+        one = Input("warm-up", PLAN, -1, len(q), 0, 0)
+        times = np.arange(len(q)) / RATE
+        frames = Frames([one], np.array([0, len(q)]), q, None, times, True, np.zeros(1))
+        for _ in self.audit(frames):
+            pass
+        # A motion that touches nothing has left some out.
+        self._paver.least(Tube.straight(times, q))
 
     def audit(self, frames: Frames) -> Iterator[dict[str, Any]]:
         """The result of each input, see `COLUMNS`."""

@@ -1,6 +1,8 @@
 """A child process that does the work, so that no input ends the process above it.
 
-The two exchange lines of JSON: requests on its standard input, answers on what was its
+It loads a scene once, and forks a process for each request: one that crashes, never
+ends or takes too much memory is gone, and the next one starts at once. Parent and child
+exchange lines of JSON: requests on the child's standard input, answers on what was its
 standard output.
 """
 
@@ -21,6 +23,8 @@ from armguard.processes import end_with
 
 # Time to load a scene and, on a first start, to compile the kernels [s].
 PATIENCE = 3600.0
+
+LATE = "there was no answer within the time limit"
 
 # Bytes that are read at once.
 PIECE = 1 << 20
@@ -57,12 +61,19 @@ class Child:
         """
         try:
             self._send({"first": first, "end": end})
-            self._answer(PATIENCE)
-            found: list[dict[str, Any]] = self._answer(limit)["rows"]
-            return found
+            worker = self._answer(PATIENCE)["worker"]
+            answer = self._answer(limit)
+            if not answer:
+                os.kill(worker, signal.SIGKILL)
+                self._answer(PATIENCE)
+                answer = {"failed": LATE}
         except (WorkFailure, FleetError):
             self.close()
             raise
+        if "failed" in answer:
+            raise WorkFailure(answer["failed"])
+        found: list[dict[str, Any]] = answer["rows"]
+        return found
 
     def close(self) -> None:
         """End the process."""
@@ -94,36 +105,41 @@ class Child:
             self._process.stdin.write(json.dumps(request).encode() + b"\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            raise WorkFailure(self._cause()) from None
+            raise WorkFailure(ending(self._process.wait())) from None
 
     def _answer(self, limit: float) -> dict[str, Any]:
-        """The next answer."""
-        assert self._process is not None and self._process.stdout is not None
-        pipe, end = self._process.stdout.fileno(), time.monotonic() + limit
-        pieces = [self._rest]
+        """The next answer; empty if there is none in time."""
+        process = self._process
+        if process is None or process.stdout is None:
+            raise WorkFailure("its process was closed")
+        pipe, end = process.stdout.fileno(), time.monotonic() + limit
+        pieces, self._rest = [self._rest], b""
         while b"\n" not in pieces[-1]:
             left = end - time.monotonic()
             if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
-                raise WorkFailure("there was no answer within the time limit")
+                if b"".join(pieces):
+                    # What is half written would be read with the next answer.
+                    raise WorkFailure(LATE)
+                return {}
             piece = os.read(pipe, PIECE)
             if not piece:
-                raise WorkFailure(self._cause())
+                raise WorkFailure(ending(process.wait()))
             pieces.append(piece)
         line, _, self._rest = b"".join(pieces).partition(b"\n")
-        answer: dict[str, Any] = json.loads(line)
+        try:
+            answer: dict[str, Any] = json.loads(line)
+        except ValueError:
+            raise WorkFailure("it ended its process while it answered") from None
         if "refused" in answer:
             raise FleetError(answer["refused"])
-        if "failed" in answer:
-            raise WorkFailure(answer["failed"])
         return answer
 
-    def _cause(self) -> str:
-        """Why the process ended."""
-        assert self._process is not None
-        code = self._process.wait()
-        if code < 0:
-            return f"it ended its process by {signal.Signals(-code).name}"
-        return f"it ended its process with exit code {code}"
+
+def ending(code: int) -> str:
+    """How a process ended, in words."""
+    if code < 0:
+        return f"it ended its process by {signal.Signals(-code).name}"
+    return f"it ended its process with exit code {code}"
 
 
 def limit_memory(gigabytes: float) -> None:
@@ -138,26 +154,37 @@ def limit_memory(gigabytes: float) -> None:
 
 def serve(out: Path, memory: float, answers: BinaryIO) -> None:
     """Answer requests until there are no more."""
+    from armguard.fleet.work import Work
 
     def answer(found: dict[str, Any]) -> None:
         answers.write(json.dumps(found, allow_nan=False).encode() + b"\n")
         answers.flush()
 
-    from armguard.fleet.work import Work
-
-    limited = False
     try:
         work = Work(out)
         for line in sys.stdin.buffer:
             request = json.loads(line)
-            work.prepare(request["first"])
-            if not limited:
+            span = request["first"], request["end"]
+            work.prepare(*span)
+            own = os.getpid()
+            worker = os.fork()
+            if not worker:
+                end_with(own)
                 limit_memory(memory)
-                limited = True
-            answer({"ready": True})
-            answer({"rows": work.rows(request["first"], request["end"])})
-    except MemoryError:
-        answer({"failed": "its memory ran out"})
+                answer({"worker": os.getpid()})
+                try:
+                    answer({"rows": work.rows(*span)})
+                except MemoryError:
+                    answer({"failed": "its memory ran out"})
+                except ArmguardError as error:
+                    answer({"refused": str(error)})
+                except BaseException:
+                    # No input should lead here: it is named by how it ended.
+                    os._exit(1)
+                os._exit(0)
+            code = os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1])
+            if code:
+                answer({"failed": ending(code)})
     except ArmguardError as error:
         answer({"refused": str(error)})
 

@@ -7,6 +7,9 @@ from typing import Any
 
 from armguard.fleet.engine import Tls, check_address
 
+# Where its pages about itself are, for this machine alone.
+LOCAL = "127.0.0.1:0"
+
 # What a program waits for: that it is ended, or that its server is.
 Server = Any
 
@@ -32,6 +35,7 @@ def schedule(host: str, port: int, tls: Tls | None) -> None:
             host=f"{scheme}://{host}",
             port=port,
             dashboard=False,
+            dashboard_address=LOCAL,
             security=None if tls is None else tls.security(),
         )
 
@@ -59,6 +63,7 @@ def work(address: str, tls: Tls | None) -> None:
             # Its child process has a limit; the worker itself holds no results.
             memory_limit=0,
             dashboard=False,
+            dashboard_address=LOCAL,
             security=None if tls is None else tls.security(),
         )
 

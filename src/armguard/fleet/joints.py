@@ -59,7 +59,8 @@ class JointChecks:
     def beyond(self, q: Floats) -> Floats:
         """How far joints are beyond their limits, negative within, (n, joints)."""
         beyond = np.maximum(self._lower - q, q - self._upper)
-        return np.asarray(beyond - ROUNDING * np.maximum(np.abs(q), 1.0))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(beyond - ROUNDING * np.maximum(np.abs(q), 1.0))
 
     def add(
         self,

@@ -132,6 +132,7 @@ def write_part(path: Path, rows: list[dict[str, Any]], manifest: str) -> None:
             )
             data.execute(
                 f"copy found to {literal(str(temporary))} (format parquet, "
+                "use_tmp_file false, "
                 f"kv_metadata {{{literal(MANIFEST)}: {literal(manifest)}}})"
             )
         with temporary.open("rb") as file:

@@ -1,13 +1,16 @@
 """The work of a fleet: results of items, in the order of the items."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from armguard.errors import ArmguardError
 from armguard.fleet.audit import Auditor
-from armguard.fleet.episodes import frames_of
-from armguard.fleet.inputs import Input
+from armguard.fleet.episodes import frames_of, opened
+from armguard.fleet.inputs import DATASET, Input
 from armguard.fleet.job import FleetError, split_settings
 from armguard.fleet.manifest import Manifest, code_digest
 from armguard.fleet.result import empty_row, failed_row, finding, item_row
@@ -17,6 +20,11 @@ from armguard.plans.verify import PlanVerifier
 from armguard.recording import open_recording
 from armguard.recording.comparison import compare
 from armguard.recording.replay import replay
+from armguard.respond.guard import try_out
+from armguard.scene import Trajectory
+
+# A motion of all joints that loads the kernels [rad or m].
+WARM = 0.5
 
 Rows = Iterator[dict[str, Any]]
 
@@ -44,9 +52,14 @@ class Work:
         self._group = -1
         self._judge: Callable[[list[Input]], Rows]
 
-    def prepare(self, item: int) -> None:
-        """Load the scene of an item."""
-        group, _ = self.manifest.item(item)
+    def prepare(self, first: int, end: int) -> None:
+        """Load what a span of items needs, and the kernels; see `rows`."""
+        group, one = self.manifest.item(first)
+        sources = {self.manifest.item(k)[1].source for k in (first, end - 1)}
+        for source in sources if one.kind == DATASET else ():
+            # One that is wrong is an error of its episodes.
+            with suppress(ArmguardError):
+                opened(self.manifest.folder / source)
         if group == self._group:
             return
         makers = {"audit": self._audit, "verify": self._verify, "replay": self._replay}
@@ -60,7 +73,7 @@ class Work:
             first: First item.
             end: The one after the last.
         """
-        self.prepare(first)
+        self.prepare(first, end)
         inputs = [self.manifest.item(k)[1] for k in range(first, end)]
         found = list(self._judge(inputs))
         assert len(found) == end - first
@@ -71,6 +84,7 @@ class Work:
         scene, budget = self.manifest.scene(group)
         job, folder = self.manifest.job, self.manifest.folder
         auditor = Auditor(scene, budget, job)
+        auditor.warm_up()
 
         def audit(inputs: list[Input]) -> Rows:
             for frames in frames_of(inputs, job, folder, scene):
@@ -87,6 +101,9 @@ class Work:
         job, folder = self.manifest.job, self.manifest.folder
         errors = split_settings(self.manifest.groups[group][1])[1]
         verifier = PlanVerifier(scene)
+        rows = np.array([scene.home, scene.home + WARM, scene.home])
+        warm = Trajectory(scene.q_names, rows, np.array([0.0, 1.0, 2.0]), "warm-up")
+        verifier.verify(Plan.of(warm, scene))
 
         def verify(inputs: list[Input]) -> Rows:
             for one in inputs:
@@ -107,6 +124,8 @@ class Work:
     def _replay(self, group: int) -> Callable[[list[Input]], Rows]:
         """Recordings judged again, the same way or with other settings."""
         settings, folder = self.manifest.groups[group][1], self.manifest.folder
+        with suppress(ArmguardError):
+            try_out(open_recording(folder / self.manifest.inputs[0].source).scene())
 
         def again(inputs: list[Input]) -> Rows:
             for one in inputs:
