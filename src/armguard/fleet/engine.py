@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from armguard.fleet.job import FleetError
 from armguard.fleet.manifest import code_digest
-from armguard.fleet.worker import Receipt, Shard, Worker, do_shard
+from armguard.fleet.worker import Receipt, Shard, Worker, code_here, do_shard
 
 # Time to find a scheduler and its first worker [s].
 PATIENCE = 30.0
@@ -244,7 +244,7 @@ class Cluster:
             FleetError: There is one; the message names it.
         """
         own = code_digest()
-        found = self._client.run(code_digest, on_error="return")
+        found = self._client.run(code_here, on_error="return")
         for worker, digest in found.items():
             if digest != own:
                 self._client.close()

@@ -163,6 +163,11 @@ def halved(
     return rows + halved(child, manifest, middle, end, half)
 
 
+def code_here() -> str:
+    """The code of this process, see `code_digest`."""
+    return code_digest()
+
+
 WORKER = Worker()
 
 
