@@ -28,8 +28,12 @@ def test_every_frame_is_where_it_belongs(tmp_path, version, names):
     assert [one.frames for one in data.episodes] == [5, 1, 17, 4, 2]
     for first, end in ((0, 5), (1, 4), (2, 3)):
         found = data.read(data.episodes[first:end])
-        np.testing.assert_array_equal(found.state, np.concatenate(states[first:end]))
-        np.testing.assert_array_equal(found.action, np.concatenate(actions[first:end]))
+        np.testing.assert_array_equal(
+            np.column_stack(found.state), np.concatenate(states[first:end])
+        )
+        np.testing.assert_array_equal(
+            np.column_stack(found.action), np.concatenate(actions[first:end])
+        )
         np.testing.assert_array_equal(
             np.diff(found.first), [len(one) for one in states[first:end]]
         )

@@ -12,7 +12,7 @@ from armguard.batch.checker import Checker
 from armguard.fleet.episodes import Frames
 from armguard.fleet.inputs import PLAN, Input
 from armguard.fleet.job import JobModel
-from armguard.fleet.joints import JointChecks, finite_rows
+from armguard.fleet.joints import JointChecks
 from armguard.fleet.result import empty_row, finding
 from armguard.guard import Level
 from armguard.prove.paving import NearInterval, Paver
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 WARM, RATE = 0.5, 30.0
 
 # Ends of intervals are this exact [s]; without times, this share of a step.
-RESOLUTION = 1e-4
+RESOLUTION = 1e-3
 
 
 @dataclass
@@ -63,7 +63,6 @@ class Auditor:
     def audit(self, frames: Frames) -> Iterator[dict[str, Any]]:
         """The result of each input, see `COLUMNS`."""
         q, first = frames.q, frames.first
-        finite = finite_rows(q)
         inner = np.ones(max(len(q) - 1, 0), dtype=bool)
         inner[first[1:-1] - 1] = False
         step = np.flatnonzero(inner)
@@ -72,7 +71,7 @@ class Auditor:
         near = self._checker.distances(q)
         home = np.tile(self.scene.home, (len(first) - 1, 1))
         start = self._checker.prove(home, q[first[:-1]])
-        speeds, beyond = self._joints.speeds(frames, inner), self._joints.beyond(q)
+        figures = self._joints.figures(frames)
         for k, one in enumerate(frames.inputs):
             part = slice(int(first[k]), int(first[k + 1]))
             steps, times = slice(part.start, part.stop - 1), frames.times[part]
@@ -81,11 +80,11 @@ class Auditor:
             self._nearest(row, times, near.distance[part], near.a[part], near.b[part])
             intervals = self._intervals(frames, part, proven[steps])
             self._contacts(row, intervals)
-            self._joints.add(row, frames, k, beyond, speeds)
+            self._joints.add(row, frames, k, figures)
             self._start(row, start.proven[k], start.share[k], start.a[k], start.b[k])
-            if self.job.guard and frames.timed and finite[part].all():
+            if self.job.guard and frames.timed and frames.finite[part].all():
                 self._guarded(row, q[part], times, intervals)
-            row["clear"] = not intervals and bool(finite[part].all())
+            row["clear"] = not intervals and bool(frames.finite[part].all())
             yield row
 
     def _names(self, a: int, b: int) -> tuple[str, str]:
@@ -115,13 +114,15 @@ class Auditor:
     ) -> list[NearInterval]:
         """What the steps that are not proven come to, see `Paver.intervals`."""
         found: list[NearInterval] = []
+        if len(proven) and proven.all():
+            return found
         q, times = frames.q[part], frames.times[part]
         alone = len(q) == 1 and not self._checker.clear(q)[0]
         if alone and np.isfinite(q).all():
             # One frame has no step: as long as it lasts, it is where it is.
             q, times = np.repeat(q, 2, axis=0), np.array([0.0, 1.0])
             proven = np.zeros(1, dtype=bool)
-        finite = finite_rows(q)
+        finite = frames.finite[part]
         open_steps = ~proven & finite[:-1] & finite[1:]
         resolution = RESOLUTION if frames.timed else RESOLUTION * 10.0
         edges = np.flatnonzero(np.diff(np.concatenate(([0], open_steps, [0]))))

@@ -37,12 +37,16 @@ class WorkFailure(Exception):
 class Child:
     """A process for the work of one folder; it starts when it is needed.
 
+    Attributes:
+        cpu: Processor time of all that was answered [s].
+
     Args:
         out: Folder of the results.
         memory: Memory that its work may take beside the scene [GB].
     """
 
     def __init__(self, out: Path, memory: float) -> None:
+        self.cpu = 0.0
         self._out, self._memory = out, memory
         self._process: subprocess.Popen[bytes] | None = None
         self._rest = b""
@@ -72,6 +76,7 @@ class Child:
             raise
         if "failed" in answer:
             raise WorkFailure(answer["failed"])
+        self.cpu += answer["cpu"]
         found: list[dict[str, Any]] = answer["rows"]
         return found
 
@@ -173,7 +178,8 @@ def serve(out: Path, memory: float, answers: BinaryIO) -> None:
                 limit_memory(memory)
                 answer({"worker": os.getpid()})
                 try:
-                    answer({"rows": work.rows(*span)})
+                    rows = work.rows(*span)
+                    answer({"rows": rows, "cpu": time.process_time()})
                 except MemoryError:
                     answer({"failed": "its memory ran out"})
                 except ArmguardError as error:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import radians
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.batch.room import LARGEST_ANGLE
 from armguard.errors import ArmguardError
 from armguard.fleet.inputs import DATASET, Input
 from armguard.fleet.job import FleetError, JobModel, JointEntry
@@ -19,6 +20,9 @@ from armguard.scene import Scene, Trajectory
 
 Floats = NDArray[np.float64]
 
+# Greatest position [rad or m]; the kernels judge none that is ten times as large.
+LARGEST = LARGEST_ANGLE / 10.0
+
 # Frames that are read at once.
 MOST_FRAMES = 100_000
 
@@ -26,7 +30,7 @@ MOST_FRAMES = 100_000
 opened: Callable[[Path], Dataset] = lru_cache(maxsize=2)(open_dataset)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Frames:
     """Frames of several inputs, one after another.
 
@@ -50,6 +54,11 @@ class Frames:
     timed: bool
     late: Floats
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def finite(self) -> NDArray[np.bool_]:
+        """Whether each frame holds numbers that can be positions, shape (n,)."""
+        return finite_rows(self.q)
 
 
 def frames_of(
@@ -149,7 +158,7 @@ def read_dataset(
 
 
 def columns(
-    names: Sequence[str], numbers: Floats, job: JobModel, source: str
+    names: Sequence[str], numbers: Sequence[Floats], job: JobModel, source: str
 ) -> Trajectory:
     """Columns of a dataset with the names and units of joints."""
     unknown = [name for name in job.joints if name not in names]
@@ -168,10 +177,16 @@ def columns(
             entry = JointEntry(joint=entry)
         scale = unit if entry.scale is None else entry.scale
         kept.append(entry.joint)
-        found.append(scale * numbers[:, k] + entry.zero)
+        as_is = (scale, entry.zero) == (1.0, 0.0)
+        found.append(numbers[k] if as_is else scale * numbers[k] + entry.zero)
     if not found:
         raise FleetError(f"{source}: the job leaves out all columns")
     return Trajectory(tuple(kept), np.column_stack(found), None, source)
+
+
+def finite_rows(q: Floats) -> NDArray[np.bool_]:
+    """Whether each row holds numbers that can be positions, shape (n,)."""
+    return np.asarray((np.abs(q) < LARGEST).all(axis=1), dtype=np.bool_)
 
 
 def home_of(scene: Scene) -> dict[str, float]:

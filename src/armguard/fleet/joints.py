@@ -1,5 +1,6 @@
 """What is wrong with the joints of recorded episodes: limits, jumps, and others."""
 
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -7,15 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.batch.checker import Checker
-from armguard.batch.room import LARGEST_ANGLE
-from armguard.fleet.episodes import Frames
+from armguard.fleet.episodes import LARGEST, Frames, finite_rows
 from armguard.fleet.result import finding
 from armguard.scene import Scene
 
 Floats = NDArray[np.float64]
-
-# Greatest position [rad or m]; the kernels judge none that is ten times as large.
-LARGEST = LARGEST_ANGLE / 10.0
 
 # A step this many times faster than a joint's top speed is a jump.
 JUMP = 2.0
@@ -35,6 +32,27 @@ LATE = 0.5
 ROUNDING = float(np.finfo(np.float32).eps)
 
 
+@dataclass(frozen=True, slots=True)
+class JointFigures:
+    """Figures of the joints of several inputs, each of shape (e, joints).
+
+    Attributes:
+        low: Least positions [rad or m].
+        high: Greatest positions [rad or m].
+        speed: Greatest speeds in shares of the top speeds; None without times.
+        led: How far leaders move, NaN without one; None if there are none [rad or m].
+        resting: Frames in which leader and follower rest; None likewise.
+        offset: How far leaders are off in these on average; None likewise [rad or m].
+    """
+
+    low: Floats
+    high: Floats
+    speed: Floats | None
+    led: Floats | None
+    resting: NDArray[np.int64] | None
+    offset: Floats | None
+
+
 class JointChecks:
     """Checks of the joints of a scene; each adds to a result what it finds.
 
@@ -50,25 +68,35 @@ class JointChecks:
 
     def __init__(self, scene: Scene, checker: Checker, rest_offset: float) -> None:
         self.names, self.rest_offset = scene.q_names, rest_offset
-        self._lower, self._upper = checker.lower, checker.upper
+        self._lower = checker.lower - rounding_of(checker.lower)
+        self._upper = checker.upper + rounding_of(checker.upper)
         joints = [name.split("/", 1) for name in scene.q_names]
         models = [scene.robots[robot].model.joints[joint] for robot, joint in joints]
         self._top = np.array([model.velocity or np.inf for model in models])
         self._robot = np.array([robot for robot, _ in joints])
 
-    def beyond(self, q: Floats) -> Floats:
-        """How far joints are beyond their limits, negative within, (n, joints)."""
-        beyond = np.maximum(self._lower - q, q - self._upper)
-        with np.errstate(invalid="ignore"):
-            return np.asarray(beyond - ROUNDING * np.maximum(np.abs(q), 1.0))
+    def figures(self, frames: Frames) -> JointFigures:
+        """Figures of all inputs at once."""
+        q, leader, begin = frames.q, frames.leader, frames.first[:-1]
+        speed = led = resting = offset = None
+        with np.errstate(all="ignore"):
+            rates = rates_of(q, frames)
+            if frames.timed:
+                speed = np.fmax.reduceat(rates, begin) / self._top
+            if leader is not None:
+                led = np.maximum.reduceat(leader, begin)
+                led -= np.minimum.reduceat(leader, begin)
+            if leader is not None and frames.timed:
+                both = (rates < REST) & (rates_of(leader, frames) < REST)
+                both[begin] = False
+                resting = np.add.reduceat(both.astype(np.int64), begin)
+                total = np.add.reduceat(np.where(both, leader - q, 0.0), begin)
+                offset = total / np.maximum(resting, 1)
+            low, high = np.fmin.reduceat(q, begin), np.fmax.reduceat(q, begin)
+        return JointFigures(low, high, speed, led, resting, offset)
 
     def add(
-        self,
-        row: dict[str, Any],
-        frames: Frames,
-        k: int,
-        beyond: Floats,
-        speeds: Floats | None,
+        self, row: dict[str, Any], frames: Frames, k: int, figures: JointFigures
     ) -> None:
         """Check one input.
 
@@ -76,28 +104,32 @@ class JointChecks:
             row: Its result, to which findings are added.
             frames: Its frames and those of others.
             k: Its number among them.
-            beyond: See `beyond`, of all of them.
-            speeds: See `speeds`, of all of them.
+            figures: Figures of all of them.
         """
         part = slice(int(frames.first[k]), int(frames.first[k + 1]))
         q, times = frames.q[part], frames.times[part]
-        leader = None if frames.leader is None else frames.leader[part]
-        self.numbers(row, q)
-        self.limits(row, beyond[part], times)
-        if speeds is not None:
-            self.jumps(row, speeds[part.start : part.stop - 1], times)
-        self.frozen(row, q, leader)
-        if leader is not None and frames.timed:
-            self.rest(row, q, leader, times)
+        if not frames.finite[part].all():
+            self.numbers(row, q)
+        self.limits(row, q, times, figures.low[k], figures.high[k])
+        if figures.speed is not None and len(q) > 1:
+            self.jumps(row, q, times, figures.speed[k])
+        moved = figures.high[k] - figures.low[k]
+        self.frozen(row, q, moved, None if figures.led is None else figures.led[k])
+        if figures.resting is not None and figures.offset is not None:
+            self.rest(row, figures.resting[k], figures.offset[k])
         self.times(row, frames, k)
 
-    def limits(self, row: dict[str, Any], beyond: Floats, times: Floats) -> None:
+    def limits(
+        self, row: dict[str, Any], q: Floats, times: Floats, low: Floats, high: Floats
+    ) -> None:
         """Joints beyond their limits."""
-        most = np.nan_to_num(beyond, nan=-1.0).max(axis=0)
+        lower, upper = self._lower, self._upper
+        with np.errstate(invalid="ignore"):
+            most = np.maximum(lower - low, high - upper)
         row["beyond_limits"] = int((most > 0.0).sum())
         for joint in np.flatnonzero(most > 0.0).tolist():
-            bad = np.flatnonzero(beyond[:, joint] > 0.0)
-            name = self.names[joint]
+            outside = (q[:, joint] < lower[joint]) | (q[:, joint] > upper[joint])
+            bad, name = np.flatnonzero(outside), self.names[joint]
             row["findings"].append(
                 finding(
                     "limit",
@@ -110,17 +142,19 @@ class JointChecks:
                 )
             )
 
-    def jumps(self, row: dict[str, Any], speeds: Floats, times: Floats) -> None:
+    def jumps(
+        self, row: dict[str, Any], q: Floats, times: Floats, most: Floats
+    ) -> None:
         """Steps that are faster than their joints."""
-        if not len(speeds):
-            return
-        most = speeds.max(axis=0)
-        top = float(most.max())
+        top = float(np.fmax.reduce(most))
         row["top_speed"] = top if isfinite(top) else None
         for joint in np.flatnonzero(most > 1.0 + ROUNDING).tolist():
-            jumps = np.flatnonzero(speeds[:, joint] > JUMP)
+            with np.errstate(all="ignore"):
+                rates = np.abs(np.diff(q[:, joint])) / np.diff(times)
+            speeds = rates / self._top[joint]
+            jumps = np.flatnonzero(speeds > JUMP)
             row["jumps"] += len(jumps)
-            fast = jumps if len(jumps) else np.flatnonzero(speeds[:, joint] > 1.0)
+            fast = jumps if len(jumps) else np.flatnonzero(speeds > 1.0 + ROUNDING)
             name = self.names[joint]
             row["findings"].append(
                 finding(
@@ -134,21 +168,16 @@ class JointChecks:
                 )
             )
 
-    def frozen(self, row: dict[str, Any], q: Floats, leader: Floats | None) -> None:
+    def frozen(
+        self, row: dict[str, Any], q: Floats, moved: Floats, led: Floats | None
+    ) -> None:
         """Joints of which no bit changes while they are led."""
-        still = (q == q[0]).all(axis=0)
-        if not still.any():
-            return
-        moved = np.ptp(q, axis=0)
-        led = np.zeros(len(still)) if leader is None else np.ptp(leader, axis=0)
-        for joint in np.flatnonzero(still).tolist():
+        for joint in np.flatnonzero(moved == 0.0).tolist():
             name, by = self.names[joint], "its leader"
-            far = led[joint]
-            if leader is None or np.isnan(far):
-                far, by = (
-                    moved[self._robot == self._robot[joint]].max(),
-                    "another joint",
-                )
+            far = np.nan if led is None else led[joint]
+            if np.isnan(far):
+                others = moved[self._robot == self._robot[joint]]
+                far, by = others.max(), "another joint"
             if far > FROZEN:
                 row["frozen"] += 1
                 row["findings"].append(
@@ -162,22 +191,14 @@ class JointChecks:
                 )
 
     def rest(
-        self, row: dict[str, Any], q: Floats, leader: Floats, times: Floats
+        self, row: dict[str, Any], count: NDArray[np.int64], offset: Floats
     ) -> None:
         """How far followers are off their leaders where both rest."""
-        if len(q) < REST_FRAMES:
+        known = np.where(count >= REST_FRAMES, np.abs(offset), -1.0)
+        if known.max() < 0.0:
             return
-        most = REST * np.diff(times)[:, None]
-        both = (np.abs(np.diff(q, axis=0)) < most) & (
-            np.abs(np.diff(leader, axis=0)) < most
-        )
-        count = both.sum(axis=0)
-        # A sum in the order of the frames has the same bits on every machine.
-        total = np.where(both, leader[1:] - q[1:], 0.0).cumsum(axis=0)[-1]
-        offset = np.where(count >= REST_FRAMES, total / np.maximum(count, 1), 0.0)
-        worst = float(np.abs(offset).max())
-        row["rest_offset"] = worst if (count >= REST_FRAMES).any() else None
-        for joint in np.flatnonzero(np.abs(offset) > self.rest_offset).tolist():
+        row["rest_offset"] = float(known.max())
+        for joint in np.flatnonzero(known > self.rest_offset).tolist():
             name = self.names[joint]
             row["findings"].append(
                 finding(
@@ -209,21 +230,9 @@ class JointChecks:
                 )
             )
 
-    def speeds(self, frames: Frames, inner: NDArray[np.bool_]) -> Floats | None:
-        """Share of its top speed of each joint in each step; None without time."""
-        if not frames.timed or len(frames.q) < 2:
-            return None
-        passed = np.where(inner, np.diff(frames.times), np.inf)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rates = np.abs(np.diff(frames.q, axis=0)) / (passed[:, None] * self._top)
-        return np.asarray(np.nan_to_num(rates, nan=0.0, posinf=np.inf))
-
     def numbers(self, row: dict[str, Any], q: Floats) -> None:
         """Positions that are no numbers, or far too large."""
-        good = finite_rows(q)
-        if good.all():
-            return
-        frame = int(np.argmin(good))
+        frame = int(np.argmin(finite_rows(q)))
         joint = int(np.argmin(np.abs(q[frame]) < LARGEST))
         row["findings"].append(
             finding(
@@ -235,6 +244,16 @@ class JointChecks:
         )
 
 
-def finite_rows(q: Floats) -> NDArray[np.bool_]:
-    """Whether each row holds numbers that can be positions, shape (n,)."""
-    return np.asarray((np.abs(q) < LARGEST).all(axis=1), dtype=np.bool_)
+def rates_of(q: Floats, frames: Frames) -> Floats:
+    """Speed at which each frame was reached, 0 of the first of each input, (n, k)."""
+    rates = np.zeros_like(q)
+    np.abs(np.diff(q, axis=0), out=rates[1:])
+    rates[1:] /= np.diff(frames.times)[:, None]
+    rates[frames.first[:-1]] = 0.0
+    return rates
+
+
+def rounding_of(limits: Floats) -> Floats:
+    """How far single-precision numbers at limits may be off, shape (joints,)."""
+    size = np.abs(np.where(np.isfinite(limits), limits, 1.0))
+    return np.asarray(ROUNDING * np.maximum(size, 1.0))

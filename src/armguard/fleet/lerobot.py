@@ -55,14 +55,14 @@ class EpisodeRows:
 
     Attributes:
         first: Where each begins, and the end of the last, shape (e + 1,).
-        state: Positions of the follower, in the dataset's numbers, shape (n, k).
-        action: Positions that the leader requested, shape (n, m); None if not there.
+        state: Positions of the follower, in the dataset's numbers: k columns of (n,).
+        action: Positions that the leader requested, likewise; None if not there.
         stamps: Times as the file has them, shape (n,) [s].
     """
 
     first: NDArray[np.intp]
-    state: Floats
-    action: Floats | None
+    state: list[Floats]
+    action: list[Floats] | None
     stamps: Floats
 
 
@@ -144,8 +144,8 @@ class Dataset:
                 f"{self.root}: episode {int(number[row])}, frame {int(within[row])}: "
                 f"{STATE} has {counts[row]:g} numbers, but info.json says {width}"
             )
-        action = np.column_stack(joints[width:]) if self.action else None
-        return EpisodeRows(first, np.column_stack(joints[:width]), action, stamps)
+        action = joints[width:] if self.action else None
+        return EpisodeRows(first, joints[:width], action, stamps)
 
 
 def is_dataset(folder: Path) -> bool:

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,12 @@ def connection() -> duckdb.DuckDBPyConnection:
     return duckdb.connect(config={"threads": 1})
 
 
+@cache
+def connection_of(process: int) -> duckdb.DuckDBPyConnection:
+    """The database with which a process reads files; a forked one has another."""
+    return connection()
+
+
 def quoted(name: str) -> str:
     """A column's name in a query."""
     return '"' + name.replace('"', '""') + '"'
@@ -86,14 +93,14 @@ def columns_of(
     """
     chosen = ", ".join(f"{one} as c{k}" for k, one in enumerate(columns))
     query = f"select {chosen} from read_parquet($files) where {where}"
-    with connection() as data:
-        try:
-            data.execute(query, {"files": [str(file) for file in files]})
-            found = data.fetchnumpy()
-        except duckdb.OutOfMemoryException as error:
-            raise MemoryError(str(error)) from None
-        except duckdb.Error as error:
-            raise ParquetError(str(error).splitlines()[0]) from None
+    data = connection_of(os.getpid())
+    try:
+        data.execute(query, {"files": [str(file) for file in files]})
+        found = data.fetchnumpy()
+    except duckdb.OutOfMemoryException as error:
+        raise MemoryError(str(error)) from None
+    except duckdb.Error as error:
+        raise ParquetError(str(error).splitlines()[0]) from None
     arrays = []
     for k, name in enumerate(columns):
         column = found[f"c{k}"]

@@ -49,6 +49,7 @@ class Receipt:
         least: Least distance of all; None if there is none [m].
         worst: The input with it.
         seconds: Time that it took [s].
+        cpu: Processor time of its work, without that of writing the results [s].
         worker: Where it was done.
         refused: Why nothing was written; empty if it was.
     """
@@ -61,11 +62,14 @@ class Receipt:
     least: float | None = None
     worst: str = ""
     seconds: float = 0.0
+    cpu: float = 0.0
     worker: str = ""
     refused: str = ""
 
     @classmethod
-    def of(cls, number: int, rows: list[dict[str, Any]], seconds: float) -> Self:
+    def of(
+        cls, number: int, rows: list[dict[str, Any]], seconds: float, cpu: float
+    ) -> Self:
         """The receipt of results."""
         known = [row for row in rows if row["least"] is not None]
         worst = min(known, key=lambda row: row["least"], default=None)
@@ -78,6 +82,7 @@ class Receipt:
             least=None if worst is None else worst["least"],
             worst="" if worst is None else name_of(worst),
             seconds=seconds,
+            cpu=cpu,
             worker=worker_name(),
         )
 
@@ -110,11 +115,14 @@ class Worker:
         try:
             child, manifest = self._ready(shard)
             first, end = manifest.shard(shard.number)
+            before = child.cpu
             rows = halved(child, manifest, first, end, shard.limit)
             write_part(part_of(Path(shard.out), shard.number), rows, manifest.hash)
         except FleetError as error:
             return Receipt(shard.number, worker=worker_name(), refused=str(error))
-        return Receipt.of(shard.number, rows, time.monotonic() - start)
+        return Receipt.of(
+            shard.number, rows, time.monotonic() - start, child.cpu - before
+        )
 
     def close(self) -> None:
         """End the child process."""
