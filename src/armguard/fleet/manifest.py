@@ -32,7 +32,6 @@ COSTS = {
     "audit with guard": (4e-5, 1e-3),
     "verify": (5e-6, 2e-2),
     "replay": (1e-4, 2e-1),
-    "run": (1e-4, 2e-2),
 }
 
 # Keys of a job that decide no result.
@@ -59,7 +58,7 @@ class Manifest:
     settings and inputs; a shard is a span of items in one scene with one setting.
 
     Attributes:
-        work: "audit", "verify", "replay" or "run".
+        work: "audit", "verify" or "replay".
         job: The job.
         folder: The job's folder, from which its paths lead.
         code: See `code_digest`.
@@ -205,7 +204,6 @@ def check_kinds(work: str, job: JobModel, inputs: Sequence[Input]) -> None:
         "audit": ("dataset", "recording", "plan"),
         "verify": ("recording", "plan"),
         "replay": ("recording",),
-        "run": ("dataset", "recording", "plan"),
     }[work]
     for one in inputs:
         if one.kind not in known:

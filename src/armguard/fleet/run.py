@@ -14,7 +14,7 @@ from armguard.fleet.worker import Receipt, Shard
 
 # A shard may take so many times the median of those before it, and never less than
 # this [s]; before the first few are known, the other time [s].
-TIMES, LEAST_LIMIT, FIRST_LIMIT, FIRST = 20.0, 20.0, 300.0, 3
+TIMES, LEAST_LIMIT, FIRST_LIMIT, FIRST = 20.0, 20.0, 60.0, 3
 
 # Shards that are submitted at once for each worker.
 AHEAD = 4
