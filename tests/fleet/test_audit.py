@@ -142,6 +142,10 @@ def test_joints_are_judged_by_their_numbers(auditor):
     assert kinds(rows[2]) == ["frozen"] and rows[2]["frozen"] == 1
     assert kinds(rows[3]) == []
     assert rows[3]["clear"] and rows[3]["start_proven"]
+    # Between two inputs nothing moves, also if one has a single frame.
+    rows = [*auditor.audit(frames_of(frozen[:1], late, frozen[-1:], late))]
+    assert [kinds(row) for row in rows] == [[], [], [], []]
+    assert [row["frames"] for row in rows] == [1, 60, 1, 60]
 
 
 def test_leader_and_follower_are_compared_at_rest_alone(auditor):
@@ -156,6 +160,11 @@ def test_leader_and_follower_are_compared_at_rest_alone(auditor):
     assert kinds(row) == ["rest offset"]
     assert row["rest_offset"] == pytest.approx(0.07)
     assert row["findings"][0]["a"] == "arm/bend"
+    # The first frame counts as no rest: of ten frames there are nine.
+    for count, known in ((10, None), (11, pytest.approx(0.02))):
+        rest = np.tile([-1.0, -0.5], (count, 1))
+        [short] = auditor.audit(frames_of(rest, leaders=[rest + 0.02]))
+        assert short["rest_offset"] == known
     # A leader that has no such joint compares nothing.
     [row] = auditor.audit(frames_of(q, leaders=[np.full_like(leader, np.nan)]))
     assert kinds(row) == [] and row["rest_offset"] is None
