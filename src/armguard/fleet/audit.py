@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.batch.checker import Checker
+from armguard.batch.results import NearestPairs
 from armguard.fleet.episodes import Frames
 from armguard.fleet.inputs import PLAN, Input
 from armguard.fleet.job import JobModel
@@ -47,6 +48,7 @@ class Auditor:
     def __post_init__(self) -> None:
         self._checker = Checker(self.scene)
         self._paver = Paver(self._checker)
+        self._largest = float(self._checker.tables.buffers.max(initial=0.0))
         self._joints = JointChecks(self.scene, self._checker, self.job.rest_offset)
 
     def warm_up(self) -> None:
@@ -77,9 +79,9 @@ class Auditor:
             steps, times = slice(part.start, part.stop - 1), frames.times[part]
             row = empty_row(one, len(times))
             row["duration"] = float(times[-1]) if frames.timed else None
-            self._nearest(row, times, near.distance[part], near.a[part], near.b[part])
             intervals = self._intervals(frames, part, proven[steps])
             self._contacts(row, intervals)
+            self._nearest(row, frames, part, near)
             self._joints.add(row, frames, k, figures)
             self._start(row, start.proven[k], start.share[k], start.a[k], start.b[k])
             if self.job.guard and frames.timed and frames.finite[part].all():
@@ -96,18 +98,28 @@ class Auditor:
     def _nearest(
         self,
         row: dict[str, Any],
-        times: Floats,
-        distance: Floats,
-        a: NDArray[np.intp],
-        b: NDArray[np.intp],
+        frames: Frames,
+        part: slice,
+        near: NearestPairs,
     ) -> None:
-        """Least distance of all frames."""
+        """Least distance of all frames, where no interval has a lesser one."""
+        distance = near.distance[part]
         known = np.where(np.isnan(distance), np.inf, distance)
         frame = int(np.argmin(known)) if len(known) else 0
-        if len(known) and isfinite(known[frame]):
-            row["least"] = float(known[frame])
-            row["a"], row["b"] = self._names(int(a[frame]), int(b[frame]))
-            row["time"] = float(times[frame])
+        if row["least"] is not None or not len(known) or not isfinite(known[frame]):
+            return
+        times = frames.times[part]
+        row["least"], row["time"] = float(known[frame]), float(times[frame])
+        pair = int(near.a[part][frame]), int(near.b[part][frame])
+        row["a"], row["b"] = self._names(*pair)
+        around = slice(max(frame - 1, 0), frame + 2)
+        if known[frame] < self._largest and frames.finite[part][around].all():
+            # Primitives are too near, and their links' exact shapes are not.
+            tube = Tube.straight(rising(times[around]), frames.q[part][around])
+            place = self._paver.least(tube) if len(times) > 1 else None
+            if place is not None:
+                row["least"], row["time"] = place.distance, place.time
+                row["a"], row["b"] = place.a, place.b
 
     def _intervals(
         self, frames: Frames, part: slice, proven: NDArray[np.bool_]
