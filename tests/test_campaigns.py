@@ -248,6 +248,7 @@ def test_every_published_file_is_looked_through():
         "allowed-pairs",
         "batch",
         "coverage",
+        "fleet",
         "following",
         "mutants",
         "sense",

@@ -237,7 +237,8 @@ def test_cells_of_a_cluster_that_no_frame_confirms_grow_again():
         body, lambda seen: coming(seen) if 0.59 < seen < 0.61 else None
     )
     assert evaded
-    assert 0.6 + CONFIRMED < PERIOD * stopped.index(True) < 0.6 + CONFIRMED + 0.1
+    # The body would be where the arm was at 1.5 s.
+    assert 0.6 + CONFIRMED < PERIOD * stopped.index(True) < 1.2
 
 
 def test_cells_grow_for_a_robot_that_does_not_evade_their_cluster():

@@ -99,6 +99,25 @@ def test_a_few_frames_are_needed():
     assert counts[6:] == [1] * 4
 
 
+def test_a_slower_body_needs_more_frames():
+    # Five frames give its velocity to 0.1 m/s, half of what it is.
+    view = View()
+    for k, place in enumerate(way((0.0, 0.0, 1.01), (0.2, 0.0, 0.0), 9)):
+        view.look([place], k * PERIOD)
+        assert len(view.clusters.found()) == 0 or k > 4
+    assert len(view.clusters.found()) == 1
+
+
+def test_a_body_that_turns_is_followed_all_the_same():
+    view, counts = View(noise=3e-3), []
+    there = way((-0.2, 0.0, 1.01), (0.6, 0.0, 0.0), 10)
+    places = np.concatenate([there, way(there[-1], (0.0, 0.6, 0.0), 12)[1:]])
+    for k, place in enumerate(places):
+        view.look([place], k * PERIOD)
+        counts.append(len(view.clusters.found()))
+    assert counts[6:] == [1] * (len(places) - 6)
+
+
 def test_a_body_that_appears_and_rests_does_not_move():
     view = View(noise=3e-3)
     for k in range(60):

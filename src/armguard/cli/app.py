@@ -6,6 +6,7 @@ from armguard.cli.batch import batch
 from armguard.cli.chaos import chaos
 from armguard.cli.check import check
 from armguard.cli.demo import demo
+from armguard.cli.fleet import fleet
 from armguard.cli.init import init
 from armguard.cli.keys import keys
 from armguard.cli.map import map_plans
@@ -45,6 +46,7 @@ for command in (
 app.command(name="map")(map_plans)
 
 app.add_typer(sensing, name="sense")
+app.add_typer(fleet, name="fleet")
 
 
 @app.callback(invoke_without_command=True)

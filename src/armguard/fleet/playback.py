@@ -1,0 +1,62 @@
+"""A result as frames of a recording, for the view."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from armguard.fleet.audit import Auditor, rising, speeds_at
+from armguard.fleet.episodes import Frames, frames_of
+from armguard.fleet.job import FleetError
+from armguard.fleet.manifest import Manifest
+from armguard.recording.frames import Frame, frame_of
+from armguard.recording.recorded import RecordedGuard
+from armguard.recording.ring import RingReader, RingWriter, in_memory
+from armguard.scene import Scene
+
+# Frames a second of an input without times [Hz].
+RATE = 30.0
+
+
+def item_frames(out: Path, item: int) -> tuple[Scene, Iterator[Frame]]:
+    """The scene of a result, and its frames, judged by a guard one by one.
+
+    Args:
+        out: Folder of the results.
+        item: Number of the result.
+
+    Raises:
+        FleetError: There is no such result, or its input cannot be read.
+    """
+    manifest = Manifest.read(out)
+    if manifest.work == "replay":
+        raise FleetError("a replayed recording is shown by `armguard view RECORDING`")
+    if not 0 <= item < manifest.items:
+        raise FleetError(f"{out} has results 0 to {manifest.items - 1}, not {item}")
+    group, one = manifest.item(item)
+    scene, budget = manifest.scene(group)
+    [frames] = frames_of([one], manifest.job, manifest.folder, scene)
+    if isinstance(frames, tuple):
+        raise FleetError(frames[1])
+    return scene, judged(Auditor(scene, budget, manifest.job), frames)
+
+
+def judged(auditor: Auditor, frames: Frames) -> Iterator[Frame]:
+    """Frames of one input as a guard judges them."""
+    times = rising(frames.times) / (1.0 if frames.timed else RATE)
+    guard = auditor.guard_for(times)
+    speeds = None if auditor.fixed else speeds_at(frames.q, times)
+    with TemporaryDirectory(dir=in_memory()) as folder:
+        path = Path(folder) / "ring"
+        now = 0.0
+        tape = RecordedGuard(
+            guard, RingWriter(path), monotonic=lambda: now, wall=lambda: now
+        )
+        reader = RingReader(path)
+        for k, (q, now) in enumerate(zip(frames.q, times.tolist(), strict=True)):
+            guard.forget_stops()
+            if speeds is None:
+                tape.step(q, now)
+            else:
+                tape.step(q, now, velocity=speeds[k])
+            for row in reader.unread():
+                yield frame_of(row.copy())
