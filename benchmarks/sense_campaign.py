@@ -55,7 +55,7 @@ def motion(minutes: float, way: float, late: float) -> dict[str, Any]:
         counts["frames_with_cells"] += bool(sense.cells.claims.occupied.words.any())
         counts["frames_with_faults"] += any(one.faults for one in sense.health.values())
 
-    drive(sense, rig, scene, swing(scene, 1.0), 60.0 * minutes, each=each, late=late)
+    drive(sense, rig, swing(scene, 1.0), 60.0 * minutes, each=each, late=late)
     return {"minutes": minutes, "way": way, "late": late, **counts}
 
 
@@ -101,7 +101,7 @@ def box(name: str, seed: int) -> dict[str, Any] | None:
         sway: Callable[[float], Floats] = lambda t: (  # noqa: E731
             scene.home + 0.03 * np.sin(t + np.arange(len(scene.home)))
         )
-        drive(sense, rig, scene, sway, seconds, start=start, each=each)
+        drive(sense, rig, sway, seconds, start=start, each=each)
 
     steps(0.0, 0.6)
     before = max(count for _, _, count in counts)

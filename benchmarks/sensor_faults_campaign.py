@@ -58,7 +58,7 @@ def episode(kind: str, seed: int) -> Episode:
             for fault in health.faults:
                 found.setdefault((name, fault.name), t)
 
-    drive(sense, rig, scene, motion, MINUTE if one is None else start, each=each)
+    drive(sense, rig, motion, MINUTE if one is None else start, each=each)
     names = [n for n in scene.sensors if n != CAMERA] or [CAMERA]
     at_fault: tuple[str, ...] = ()
     false, named = len(found), dict[tuple[str, str], float]()
@@ -70,7 +70,7 @@ def episode(kind: str, seed: int) -> Episode:
 
         def go_on(seconds: float, since: float) -> None:
             drive(
-                sense, rig, scene, motion, seconds, start=since, each=each,
+                sense, rig, motion, seconds, start=since, each=each,
                 tamper=tamper,
             )  # fmt: skip
 

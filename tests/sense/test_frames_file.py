@@ -22,7 +22,7 @@ def test_a_file_fills_the_same_map_to_the_bit(tmp_path):
     rig.place(0, ag.Pose(xyz=(-0.5, 0, 1.2)))
     with path.open("wb") as file:
         first = ag.Sense(scene, record=file)
-        drive(first, rig, scene, swing(scene), 1.0)
+        drive(first, rig, swing(scene), 1.0)
         first.zones("left_ring/0", "text", [1], 0.99)
         first.depth("top", np.zeros((2, 2)), "text")
     again = ag.Sense(sensed_bay())

@@ -24,10 +24,10 @@ def test_a_box_that_a_camera_sees_is_in_the_next_verdict():
     tip = guard.tables.links["left/link7"].body
     verdict(0.0)
     beside = guard.poses[tip].reshape(3, 4)[:, 3] - [0.0, 0.2, 0.0]
-    drive(sense, rig, scene, lambda t: scene.home, 0.3)
+    drive(sense, rig, lambda t: scene.home, 0.3)
     assert not sensed(verdict(0.3))
     rig.place(0, ag.Pose(xyz=beside.tolist()))
-    drive(sense, rig, scene, lambda t: scene.home, 0.2, start=0.3)
+    drive(sense, rig, lambda t: scene.home, 0.2, start=0.3)
     seen = sensed(verdict(0.5))
     assert {"left/link7"} < {body for pair in seen for body in (pair.a, pair.b)}
     # The face of the box is 0.15 m from the middle of the link.

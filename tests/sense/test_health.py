@@ -33,12 +33,12 @@ def watched(tamper=None, seconds=1.0, change=None, without=(), zones=True, speed
         for name, since in sense.missing.items():
             found.setdefault(name, since)
 
-    drive(sense, rig, scene, swing(scene, speed), BEGIN, each=each)
+    drive(sense, rig, swing(scene, speed), BEGIN, each=each)
     before = dict(found)
     if change is not None:
         change(rig, scene)
     drive(
-        sense, rig, scene, swing(scene, speed), seconds, start=BEGIN, each=each,
+        sense, rig, swing(scene, speed), seconds, start=BEGIN, each=each,
         tamper=tamper,
     )  # fmt: skip
     return before, {k: t for k, t in found.items() if k not in before}, sense

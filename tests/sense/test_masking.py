@@ -15,7 +15,7 @@ def claims_after(seconds):
     sense, rig = ag.Sense(scene), Rig(scene, boxes=[(0.1,) * 3, (0.06,) * 3])
     rig.place(0, ag.Pose(xyz=(-0.3, 0.2, 1.0)))
     rig.place(1, ag.Pose(xyz=(-0.5, -0.3, 1.1)))
-    drive(sense, rig, scene, swing(scene, 1.5), seconds)
+    drive(sense, rig, swing(scene, 1.5), seconds)
     claims = sense.cells.claims
     assert claims.occupied.words.any()
     return [

@@ -23,7 +23,7 @@ def mapped(scene, seconds, way, late, speed=1.5):
         if sense.cells.claims.occupied.words.any():
             found.append((t, name))
 
-    drive(sense, rig, scene, swing(scene, speed), seconds, each=each, late=late)
+    drive(sense, rig, swing(scene, speed), seconds, each=each, late=late)
     free = unpacked(~sense.cells.claims.unknown.words, 128)
     return found, len(frames), free
 
@@ -72,11 +72,11 @@ def test_a_box_of_5_cm_is_mapped_by_its_first_frame_and_cleared_in_a_second(
     def each(t, sender):
         counts.append((t, sender, int(sense.cells.occupied().sum())))
 
-    drive(sense, rig, scene, motion, 0.6, each=each)
+    drive(sense, rig, motion, 0.6, each=each)
     assert not any(count for _, _, count in counts)
     rig.place(0, ag.Pose(xyz=where.tolist(), rpy=(0.3, 0.2, 0.1)))
     counts.clear()
-    drive(sense, rig, scene, motion, 0.6, start=0.6, each=each)
+    drive(sense, rig, motion, 0.6, start=0.6, each=each)
     # The first of its frames may have been measured before.
     own = [count for _, sender, count in counts if sender == name]
     assert own[1] > 0
@@ -84,7 +84,7 @@ def test_a_box_of_5_cm_is_mapped_by_its_first_frame_and_cleared_in_a_second(
     assert (np.linalg.norm(cells - where, axis=1) < 0.1).all()
     rig.place(0, None)
     counts.clear()
-    drive(sense, rig, scene, motion, 1.1, start=1.2, each=each)
+    drive(sense, rig, motion, 1.1, start=1.2, each=each)
     assert min(t for t, _, count in counts if not count) < 2.2
 
 
@@ -117,7 +117,7 @@ def test_deltas_make_a_view_equal_to_the_map():
     sense, rig = ag.Sense(scene), Rig(scene, boxes=[(0.2, 0.2, 0.2)])
     rig.place(0, ag.Pose(xyz=(-0.5, 0, 1.2)))
     view = ag.CellView(sense.cells.centre, sense.cells.cell, sense.cells.size)
-    drive(sense, rig, scene, swing(scene), 1.0)
+    drive(sense, rig, swing(scene), 1.0)
     while len(changes := sense.changes()):
         assert len(changes) <= 512
         view.apply(changes)

@@ -48,7 +48,7 @@ def test_what_a_sensor_alone_has_freed_is_unknown_until_it_is_well(fault):
 
     def drive_to(start, end):
         drive(
-            sense, rig, scene, lambda t: scene.home, end - start, start=start,
+            sense, rig, lambda t: scene.home, end - start, start=start,
             tamper=tamper,
         )  # fmt: skip
         while guard._sensed.view.known_free().sum() != sense.cells.known_free().sum():
@@ -79,7 +79,7 @@ def test_where_unknown_space_is_free_a_silent_sensor_makes_all_cells_old():
 
     def verdict(start, end, lost=()):
         drive(
-            sense, rig, scene, lambda t: scene.home, end - start, start=start,
+            sense, rig, lambda t: scene.home, end - start, start=start,
             tamper=lambda name, _, *frame: None if name in lost else frame,
         )  # fmt: skip
         return guard.step(scene.home, end, velocity=still)

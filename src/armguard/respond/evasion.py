@@ -34,7 +34,8 @@ from armguard.respond.approaching import (
 )
 from armguard.respond.engagement import NO_REQUEST
 from armguard.respond.escape_cells import REACH, list_moving
-from armguard.respond.escape_path import ENOUGH, NEAR, judge_way, may_be_met
+from armguard.respond.escape_others import may_be_met
+from armguard.respond.escape_path import ENOUGH, NEAR, judge_way
 from armguard.respond.escape_state import Escape
 from armguard.respond.escape_ways import look_across, way_count, write_way
 from armguard.respond.state import Response

@@ -141,7 +141,7 @@ def events_of(
 
 
 def drive(
-    sense: Sense, rig: Rig, scene: Scene, motion: Motion, seconds: float, *,
+    sense: Sense, rig: Rig, motion: Motion, seconds: float, *,
     start: float = 0.0, late: float = 0.0, tamper: Tamper | None = None,
     each: Callable[[float, str], None] | None = None,
 ) -> None:  # fmt: skip
@@ -150,7 +150,6 @@ def drive(
     Args:
         sense: Takes joint positions and frames.
         rig: The simulated sensors.
-        scene: The scene.
         motion: Joint positions by time [rad or m].
         seconds: How long [s].
         start: Time of the first joint positions; a frame that was sent before is not
@@ -160,17 +159,18 @@ def drive(
             of the measurement, distances, status and stamp.
         each: Called after each frame with the time and the name of its sensor.
     """
+    sensors = rig.scene.sensors
     rng, queue = np.random.default_rng(7), list[tuple[float, str]]()
-    for k, (name, sensor) in enumerate(scene.sensors.items()):
+    for k, (name, sensor) in enumerate(sensors.items()):
         phase = sensor.period * (0.3 + 0.61 * k % 1.0)
         count = np.ceil(max(start - 0.06 - phase, 0.0) / sensor.period)
         heapq.heappush(queue, (phase + count * sensor.period, name))
     for k in range(round(seconds / STEP)):
         t = start + (k + 1) * STEP
         sense.joints(motion(t), t)
-        while queue and queue[0][0] + scene.sensors[queue[0][1]].delay + TRANSPORT <= t:
+        while queue and queue[0][0] + sensors[queue[0][1]].delay + TRANSPORT <= t:
             measured, name = heapq.heappop(queue)
-            sensor = scene.sensors[name]
+            sensor = sensors[name]
             heapq.heappush(queue, (measured + sensor.period, name))
             reading = rig.read(name, motion(measured))
             stamp = measured + sensor.delay + late * rng.uniform(-1.0, 1.0)

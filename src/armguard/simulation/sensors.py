@@ -57,6 +57,7 @@ class Rig:
     kinematics and the rays.
 
     Attributes:
+        scene: The scene with its sensors.
         truth: True pose of each sensor in its link or in the world, by name; at first
             that of the scene.
         invalid: Share of distances of arrays that are invalid at random [-].
@@ -65,7 +66,7 @@ class Rig:
         drift: Signal of pads beside that of bodies, in units of the gain.
 
     Args:
-        scene: The scene with its sensors.
+        scene: See the attribute.
         boxes: The foreign bodies: shapes, or edges of boxes [m].
         seed: Seed of the noise.
         without: Modelled objects that are not there in truth.
@@ -78,7 +79,7 @@ class Rig:
         self, scene: Scene, boxes: Sequence[Shape | tuple[float, float, float]] = (),
         seed: int = 0, without: Sequence[str] = (),
     ) -> None:  # fmt: skip
-        self._scene, self._tables = scene, compile_scene(scene)
+        self.scene, self._tables = scene, compile_scene(scene)
         spec = mujoco.MjSpec()
         spec.memory = 64 << 20
         self._add_bodies(spec, without)
@@ -113,10 +114,10 @@ class Rig:
                 self._joints.append((f"j{b}", place, tables.gain[b]))
         for link, frame in tables.links.items():
             robot, name = link.split("/", 1)
-            fit = self._scene.robots[robot].fits.get(name)
+            fit = self.scene.robots[robot].fits.get(name)
             for placed in (fit.exact or fit.shapes) if fit is not None else ():
                 add_geom(spec, bodies[frame.body], placed, frame.T_body_link, names)
-        for name, item in self._scene.objects.items():
+        for name, item in self.scene.objects.items():
             if name in without or not item.present:
                 continue
             body, T = spec.worldbody, item.pose.matrix()
@@ -149,7 +150,7 @@ class Rig:
         for joint, place, (factor, offset) in self._joints:
             data.joint(joint).qpos[0] = factor * q[place] + offset
         mujoco.mj_kinematics(model, data)
-        sensor, T = self._scene.sensors[name], self.truth[name]
+        sensor, T = self.scene.sensors[name], self.truth[name]
         if sensor.on is not None:
             link = self._tables.links[sensor.on]
             body, base = data.body(f"b{link.body}"), np.eye(4)
@@ -171,7 +172,7 @@ class Rig:
             name: Name of the sensor.
             q: Joint positions when it is measured, shape (n,) [rad or m].
         """
-        sensor, rays = self._scene.sensors[name], self._ways[name]
+        sensor, rays = self.scene.sensors[name], self._ways[name]
         if sensor.form == "points":
             return Reading(self._points(sensor, rays, q), None)
         if sensor.form in ("infrared", "capacitive"):
