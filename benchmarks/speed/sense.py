@@ -87,7 +87,7 @@ def simulate(scene: ag.Scene, seconds: float, path: Path) -> None:
         place = (*rng.uniform((-0.3, -0.7), (0.9, 0.7)), rng.uniform(0.03, 0.4))
         rig.place(k, ag.Pose(xyz=place, rpy=rng.uniform(-1.0, 1.0, 3).tolist()))
     with path.open("wb") as file:
-        drive(ag.Sense(scene, record=file), rig, scene, swing(scene), seconds)
+        drive(ag.Sense(scene, record=file), rig, swing(scene), seconds)
 
 
 def timed(scene: ag.Scene, events: Iterator[Event]) -> dict[str, Any]:
