@@ -84,6 +84,7 @@ FEATURE = {"dtype": "float32", "shape": [3], "names": ["a", "b", "c"]}
         ("v2.0", info(total_frames=79), "says 79 frames, but meta lists 78"),
         ("v2.1", info(data_path="../{episode_index:06d}"), "must lead into the"),
         ("v2.1", info(data_path="{0.__class__}"), "must lead into the"),
+        ("v2.1", info(data_path="{video_key:03d}"), "must lead into the"),
         ("v2.1", info(chunks_size=0), "chunks_size is 0"),
         ("v2.1", text("meta/info.json", "{"), "it is no JSON"),
         ("v2.1", text("meta/episodes.jsonl", '{"length": 3}\n'), "line 1: an episode"),
