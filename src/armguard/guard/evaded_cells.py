@@ -32,7 +32,8 @@ def is_of_evaded(r: int, w: Workspace) -> bool:
         w: The workspace.
     """
     s, v, m = w.sensed, w.watch, w.motion
-    if s.search.kind != MOVING:
+    if s.search.kind != MOVING or m.span.segment != 0:
+        # A path is checked among obstacles that stand still.
         return False
     for c in range(v.clusters.shape[0]):
         if (v.cluster_evaded[c] >> r) & 1 == 0 or not is_confirmed(v.clusters[c], v, m):
