@@ -100,6 +100,7 @@ BOUNDS: Rules = {
     "watch.recover": [Whole(0, GIVES_UP)],
     "watch.evades": [FLAG],
     "watch.evaded": [Whole(0, "sets of robots")],
+    "watch.clusters": [Whole(0, MOST_COUNTED, ("number",))],
     "watch.cluster_evaded": [Whole(0, "sets of robots")],
     "watch.yields": [FLAG],
     "watch.may_stand": [Own()],
