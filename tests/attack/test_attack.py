@@ -21,6 +21,7 @@ def test_keys_roles_and_contents():
     assert not failed(one for one in rows if one not in floods)
 
 
+@pytest.mark.realtime
 def test_fixtures_stand_while_an_arm_is_driven_into_one():
     assert not failed(rack.run(1))
 
