@@ -199,7 +199,7 @@ def main() -> None:
     """Begin: the folder, the memory [GB] and the number of the parent are given."""
     out, memory, parent = sys.argv[1:]
     end_with(int(parent))
-    # What libraries print must not reach the one who reads the answers.
+    # What libraries print must not be read as an answer.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     serve(Path(out), float(memory), answers)

@@ -117,9 +117,9 @@ class Tls:
     """Files of TLS, in PEM.
 
     Attributes:
-        ca: Certificates of who may take part.
-        cert: The own certificate.
-        key: Its key.
+        ca: Certificates of the authorities that sign those of all participants.
+        cert: Certificate of this process.
+        key: Private key of that certificate.
     """
 
     ca: Path
