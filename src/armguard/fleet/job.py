@@ -5,19 +5,18 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from armguard.errors import ArmguardError, did_you_mean
+from armguard.errors import ArmguardError
 from armguard.scene.schema import (
     Name,
     NotNegative,
     Number,
     Positive,
     Strict,
-    keys_of,
-    sentence_of,
+    model_of,
 )
-from armguard.scene.yaml_source import SceneFileError, YamlSource
+from armguard.scene.yaml_source import YamlSource
 
 # Settings of a sweep that are of plans; all others are those of `armguard replay`.
 OF_PLANS = ("following_error", "skew")
@@ -92,23 +91,7 @@ def read_job(path: Path) -> JobModel:
     Raises:
         SceneFileError: It is no job of a fleet.
     """
-    source = YamlSource(path)
-    if not isinstance(source.values, dict):
-        raise source.problem(
-            (), "must be a mapping with the keys 'inputs' and 'scenes'"
-        )
-    try:
-        return JobModel.model_validate(source.values)
-    except ValidationError as errors:
-        found = errors.errors(include_url=False)
-    problems = []
-    for error in found:
-        keys, sentence = keys_of(error["loc"]), sentence_of(dict(error))
-        if error["type"] == "extra_forbidden" and len(keys) == 1:
-            near = did_you_mean(str(keys[-1]), JobModel.model_fields)
-            sentence = f"there is no such key; {near}"
-        problems.append(source.found(keys, sentence))
-    raise SceneFileError(problems)
+    return model_of(YamlSource(path), JobModel, JointEntry)
 
 
 def split_settings(settings: dict[str, str]) -> tuple[dict[str, str], dict[str, float]]:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from armguard.errors import did_you_mean
 from armguard.maps.cell_plan import CellPlan
@@ -16,10 +16,9 @@ from armguard.scene.schema import (
     Name,
     NotNegative,
     Strict,
-    keys_of,
-    sentence_of,
+    model_of,
 )
-from armguard.scene.yaml_source import SceneFileError, YamlSource
+from armguard.scene.yaml_source import YamlSource
 
 Row = Annotated[int, Field(ge=0)]
 
@@ -71,7 +70,7 @@ def read_job(path: Path, progress: Progress | None = None) -> CoordinationMap:
         CoordinationError: The plans cannot be coordinated.
     """
     source = YamlSource(path)
-    job = validated(source)
+    job = model_of(source, JobModel, PlanEntry)
     scene = load_scene(path.parent / job.scene, progress=progress)
     plans = {}
     for robot, entry in job.plans.items():
@@ -81,29 +80,6 @@ def read_job(path: Path, progress: Progress | None = None) -> CoordinationMap:
         plans[robot] = plan_of(robot, entry, path.parent, scene)
     coordinator = Coordinator(scene, tuple(plans), floor=job.floor)
     return coordinator.map(plans)
-
-
-def validated(source: YamlSource) -> JobModel:
-    """The values of a job's file.
-
-    Raises:
-        SceneFileError: They are none of a cell job.
-    """
-    if not isinstance(source.values, dict):
-        raise source.problem((), "must be a mapping with the keys 'scene' and 'plans'")
-    try:
-        return JobModel.model_validate(source.values)
-    except ValidationError as errors:
-        found = errors.errors(include_url=False)
-    problems = []
-    for error in found:
-        keys, sentence = keys_of(error["loc"]), sentence_of(dict(error))
-        if error["type"] == "extra_forbidden":
-            model: type[Strict] = JobModel if len(keys) == 1 else PlanEntry
-            near = did_you_mean(str(keys[-1]), model.model_fields)
-            sentence = f"there is no such key; {near}"
-        problems.append(source.found(keys, sentence))
-    raise SceneFileError(problems)
 
 
 def plan_of(robot: str, entry: PlanEntry, folder: Path, scene: Scene) -> CellPlan:

@@ -26,10 +26,12 @@ from pydantic import (
 )
 
 from armguard.errors import SceneError, did_you_mean
+from armguard.scene.yaml_source import SceneFileError, YamlSource
 
 Settings = TypeVar("Settings")
 Plain = TypeVar("Plain")
 Mapped = TypeVar("Mapped")
+Model = TypeVar("Model", bound="Strict")
 
 
 def no_flag(value: Any) -> Any:
@@ -154,6 +156,37 @@ ByForm = Annotated[
 
 # A number for all joints, or one by joint name.
 ByJoint = ByForm[Plain, dict[str, Plain]]
+
+
+def model_of(source: YamlSource, model: type[Model], entry: type[Strict]) -> Model:
+    """The values of a YAML file, checked against a model.
+
+    Args:
+        source: The file.
+        model: The model.
+        entry: Model of the entries below its keys.
+
+    Raises:
+        SceneFileError: They do not follow it.
+    """
+    if not isinstance(source.values, dict):
+        needed = [key for key, one in model.model_fields.items() if one.is_required()]
+        names = " and ".join(f"'{key}'" for key in needed)
+        raise source.problem(
+            (), f"must be a mapping with the key{'s' * (len(needed) > 1)} {names}"
+        )
+    try:
+        return model.model_validate(source.values)
+    except ValidationError as errors:
+        found = errors.errors(include_url=False)
+    problems = []
+    for error in found:
+        keys, sentence = keys_of(error["loc"]), sentence_of(dict(error))
+        if error["type"] == "extra_forbidden":
+            known = (model if len(keys) == 1 else entry).model_fields
+            sentence = f"there is no such key; {did_you_mean(str(keys[-1]), known)}"
+        problems.append(source.found(keys, sentence))
+    raise SceneFileError(problems)
 
 
 def keys_of(location: tuple[str | int, ...]) -> tuple[str | int, ...]:
