@@ -19,22 +19,27 @@ def is_confirmed(cluster: Cluster, v: Watch, m: Motion) -> bool:
     return time_since(cluster.stamp, v, m) <= CONFIRMED
 
 
-@kernel(inline=False)
+@kernel
 def is_of_evaded(r: int, w: Workspace) -> bool:
     """Whether the box is of moving cells of a cluster that a robot evades.
 
     They are if its box has enclosed them of late: what was seen there has moved on with
     the cluster. It takes some frames that look past a cell until it counts as free, so
-    cells that the cluster has left are of it too.
+    cells that the cluster has left are of it too. A path is checked among obstacles
+    that stand still: to it no cells are evaded.
 
     Args:
         r: The robot.
         w: The workspace.
     """
+    moves = w.sensed.search.kind == MOVING and w.motion.span.segment == 0
+    return bool(moves and was_enclosed(r, w))
+
+
+@kernel(inline=False)
+def was_enclosed(r: int, w: Workspace) -> bool:
+    """Whether a cluster that a robot evades has enclosed the box of late."""
     s, v, m = w.sensed, w.watch, w.motion
-    if s.search.kind != MOVING or m.span.segment != 0:
-        # A path is checked among obstacles that stand still.
-        return False
     for c in range(v.clusters.shape[0]):
         if (v.cluster_evaded[c] >> r) & 1 == 0 or not is_confirmed(v.clusters[c], v, m):
             continue
