@@ -7,10 +7,10 @@ import numpy as np
 
 import armguard as ag
 from armguard.maps.cell_plan import CellPlan
-from armguard.maps.checked import restricted
 from armguard.maps.coordination import Coordinator
 from armguard.plans.coal_world import CoalWorld
 from armguard.scene import Scene, Trajectory
+from armguard.scene.restricted import restricted, riders
 from arrays import Floats
 from batch_planning import primitives_of
 
@@ -62,7 +62,7 @@ def cell_of(apart: float) -> Cell:
         Coordinator(tables, ROBOTS),
         CoalWorld(tables),
         (sides[0], sides[1]),
-        ag.Checker(restricted(tables, lambda a, b: {a, b} == {0, 1})),
+        ag.Checker(restricted(tables, riders(tables), lambda a, b: {a, b} == {0, 1})),
     )
 
 

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import armguard as ag
 from armguard.cli.app import app
-from armguard.errors import TrajectoryError
+from armguard.errors import TrajectoryError, UnknownNameError
 from arms import wall_scene
 
 NAMES = ("joint1", "joint2", "joint3")
@@ -217,3 +217,41 @@ def test_an_object_that_is_moved_is_where_it_is_now():
     verifier.checker.place("wall", ag.Pose(xyz=(0, 0.6, 0.5)))
     verifier.checker.remove("wall")
     assert verifier.verify(plan).clear
+
+
+TWO = SCENE + "  block: {box: {size: [0.2, 0.2, 0.2]}, at: {xyz: [0.7, -0.3, 0]}}\n"
+
+
+def test_after_a_move_the_pairs_of_what_moved_are_proven_as_all_are(folder):
+    (folder / "cell.yaml").write_text(TWO)
+    plan = csv([(0.0, -1.5, 0.0), (3.0, 1.5, 0.0)])
+    every = json.loads(run(folder, "plan.csv", plan, "--json").stdout)["plans"][0]
+    again = run(folder, "plan.csv", plan, "--json", "--moved", "block")
+    assert again.exit_code == 1
+    found = json.loads(again.stdout)["plans"][0]
+    own = [one for one in every["intervals"] if one["nearest"]["b"] == "block"]
+    assert 0 < len(own) < len(every["intervals"])
+    assert [(o["start"], o["end"], o["contact"]) for o in found["intervals"]] == [
+        (o["start"], o["end"], o["contact"]) for o in own
+    ]
+    assert found["moved"] == ["block"]
+
+
+def test_an_answer_for_what_moved_claims_nothing_of_other_pairs(folder):
+    (folder / "cell.yaml").write_text(TWO.replace("[0.7, -0.3, 0]", "[0, 0, -2]"))
+    found = run(folder, "plan.csv", csv(PASSING), "--moved", "block")
+    assert found.exit_code == 0
+    assert "OK, every pair of block keeps its buffer all the way" in found.stdout
+    assert "other pairs than those of block were not proven again" in found.stdout
+
+
+def test_what_moved_is_an_object_and_gets_no_certificate(folder):
+    (folder / "cell.yaml").write_text(TWO)
+    found = run(folder, "plan.csv", csv(PASSING), "--moved", "blok")
+    assert isinstance(found.exception, UnknownNameError)
+    assert "did you mean 'block'?" in str(found.exception)
+    proof = str(folder / "proof.npz")
+    found = run(
+        folder, "plan.csv", csv(PASSING), "--moved", "ball", "--certificate", proof
+    )
+    assert "a certificate is of all pairs" in str(found.exception)

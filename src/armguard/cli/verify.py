@@ -78,6 +78,13 @@ class Options:
             "ROBOT=NUMBER; repeat it for each."
         ),
     ] = None
+    moved: Annotated[
+        list[str] | None,
+        Option(
+            help="An object that moved since the plans were proven: only its pairs are "
+            "proven again; repeat it for each."
+        ),
+    ] = None
     start: Annotated[
         str | None,
         Option(
@@ -117,7 +124,7 @@ def verify(options: Options) -> None:
         )
         for path in options.plans
     ]
-    verifier = PlanVerifier(scene)
+    verifier = PlanVerifier(scene, moved=options.moved or ())
     proofs = [
         verifier.verify(plan, following_error=errors, skew=skew) for plan in plans
     ]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from armguard.batch.checker import Checker
 from armguard.maps.cell_plan import CellPlan, CoordinationError, Segment
-from armguard.maps.checked import WORLD, restricted
 from armguard.maps.diagram import FINEST, Diagram, DiagramMaker
 from armguard.maps.execution import Execution, executed
 from armguard.maps.interlocks import Axis, Interlock, PairOfPlans
@@ -22,6 +21,7 @@ from armguard.plans.verify import RESOLUTION
 from armguard.prove.paving import NearInterval, Paver
 from armguard.scene import Scene, Trajectory
 from armguard.scene.compile import compile_scene
+from armguard.scene.restricted import WORLD, restricted, riders
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -223,7 +223,11 @@ class Coordinator:
             DiagramMaker(tables, both, floor) for both in combinations(robots, 2)
         ]
         self._alone = {
-            robot: Paver(Checker(restricted(tables, own_pairs(names.index(robot)))))
+            robot: Paver(
+                Checker(
+                    restricted(tables, riders(tables), own_pairs(names.index(robot)))
+                )
+            )
             for robot in robots
         }
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from armguard.batch.checker import Checker
 from armguard.maps.cell_plan import joints_of
-from armguard.maps.checked import restricted
 from armguard.prove.paving import BoxPaving, Paver
 from armguard.prove.tile_search import FREE, LABEL, PAIR, PLACE, TOUCHING, UNKNOWN
 from armguard.prove.tube import Tube
 from armguard.prove.tube_tiles import HIGH, LOW, SPAN
+from armguard.scene.restricted import restricted, riders
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -94,7 +94,7 @@ class DiagramMaker:
     ) -> None:
         names = [part.name for part in tables.robots]
         both = {names.index(robot) for robot in robots}
-        own = restricted(tables, lambda a, b: {a, b} == both, floor)
+        own = restricted(tables, riders(tables), lambda a, b: {a, b} == both, floor)
         self._robots, self._paver = robots, Paver(Checker(own))
         # Joints of other robots follow the first plan, in which they do not move.
         self._owner = joints_of(tables.q_names, robots[1]).astype(np.intp)

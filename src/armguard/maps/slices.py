@@ -8,7 +8,6 @@ import numpy as np
 from armguard.batch.checker import Checker
 from armguard.errors import did_you_mean
 from armguard.maps.cell_plan import CoordinationError
-from armguard.maps.checked import restricted
 from armguard.maps.diagram import CELLS, FINEST, Grid, boxes_of, grid_of
 from armguard.prove.paving import Paver
 from armguard.prove.tile_search import (
@@ -22,6 +21,7 @@ from armguard.prove.tube import Tube
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene import Scene
 from armguard.scene.compile import compile_scene
+from armguard.scene.restricted import restricted, riders
 
 # A joint that may be anywhere is divided into so many parts, or fewer.
 PARTS = 16
@@ -109,7 +109,9 @@ def configuration_slice(
         raise CoordinationError(
             f"{len(anywhere)} joints may be anywhere; give {PARAMETERS - 2} or fewer"
         )
-    paver = Paver(Checker(restricted(tables, lambda a, b: number in (a, b))))
+    paver = Paver(
+        Checker(restricted(tables, riders(tables), lambda a, b: number in (a, b)))
+    )
     places = [names.index(name) for name in every]
     lower, upper = tables.lower[places], tables.upper[places]
     finest = FINEST * float((upper - lower)[:2].max())

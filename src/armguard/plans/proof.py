@@ -29,6 +29,7 @@ class PlanProof:
         order: Latest order of a stop before the first interval; None without any, if
             it begins at once, or if no robot of it has stopping figures.
         notes: What the reader of the plan had to decide.
+        moved: Objects whose pairs alone were proven; empty for all pairs.
     """
 
     source: str
@@ -44,6 +45,7 @@ class PlanProof:
     least: NearestPlace | None
     order: StopOrder | None
     notes: tuple[str, ...]
+    moved: tuple[str, ...] = ()
 
     @property
     def clear(self) -> bool:
@@ -81,7 +83,8 @@ class PlanProof:
     def _lines(self) -> Iterator[str]:
         what = "touches" if self.first_contact is not None else "nearer than its buffer"
         if self.clear:
-            yield f"{self.source}: OK, every pair keeps its buffer all the way, proven"
+            every = f"every pair of {self._of_moved}" if self.moved else "every pair"
+            yield f"{self.source}: OK, {every} keeps its buffer all the way, proven"
         else:
             count = len({(one.nearest.a, one.nearest.b) for one in self.intervals})
             pairs = "1 pair" if count == 1 else f"{count} pairs"
@@ -102,6 +105,12 @@ class PlanProof:
                 f"at {self._time(place.time)}; proven never below {_mm(place.bound)} mm"
             )
         yield f"  {self._assumed()}"
+        if self.moved:
+            yield f"  other pairs than those of {self._of_moved} were not proven again"
+
+    @property
+    def _of_moved(self) -> str:
+        return " and ".join(self.moved)
 
     def _interval(self, one: NearInterval, planned: bool) -> str:
         near = one.nearest

@@ -1,8 +1,10 @@
 """Proofs over whole plans in a scene."""
 
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from armguard.batch.checker import Checker
@@ -17,6 +19,10 @@ from armguard.prove.tile_search import LABEL, LOWER, PAIR, PLACE
 from armguard.prove.tube import Tube
 from armguard.prove.tube_tiles import HIGH, LOW
 from armguard.scene import Scene, Trajectory
+from armguard.scene.compile import compile_scene
+from armguard.scene.restricted import restricted
+from armguard.scene.standing import object_named
+from armguard.scene.tables import SceneTables
 
 # Ends of intervals are this exact: in time [s], and without time in rows [-].
 RESOLUTION = 5e-5
@@ -29,12 +35,16 @@ class PlanVerifier:
     Attributes:
         scene: The scene.
         checker: A checker of it; `place` and `remove` change the world.
+        moved: Objects to whose pairs the proofs are limited; empty for all pairs.
 
     Args:
         scene: The scene.
+        moved: Objects that moved since the plans were proven. The pairs of these are
+            proven again, which is faster; all others are taken to hold as before.
 
     Raises:
         SceneError: The scene contradicts itself.
+        UnknownNameError: An object of `moved` is not in the scene.
 
     Example:
         >>> import numpy as np
@@ -47,8 +57,10 @@ class PlanVerifier:
         True
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene, self.checker = scene, Checker(scene)
+    def __init__(self, scene: Scene, *, moved: Sequence[str] = ()) -> None:
+        self.scene, self.moved = scene, tuple(moved)
+        tables = compile_scene(scene)
+        self.checker = Checker(only_pairs_of(self.moved, tables) if moved else tables)
         self._paver = Paver(self.checker)
 
     def verify(
@@ -100,6 +112,7 @@ class PlanVerifier:
             least=self._paver.least(tube),
             order=order,
             notes=plan.notes,
+            moved=self.moved,
         )
 
     def certificate(self, plan: Plan) -> Certificate:
@@ -107,7 +120,14 @@ class PlanVerifier:
 
         Args:
             plan: The plan; nothing is off its curves.
+
+        Raises:
+            TrajectoryError: The proofs are limited to objects that moved.
         """
+        if self.moved:
+            raise TrajectoryError(
+                "a certificate is of all pairs; prove the plan without moved objects"
+            )
         tube = plan.tube
         paving = self._paver.pave(tube, RESOLUTION if plan.timed else ROW_RESOLUTION)
         tables = self.checker.tables
@@ -147,6 +167,19 @@ class PlanVerifier:
             )
             for one in found
         )
+
+
+def only_pairs_of(names: Sequence[str], tables: SceneTables) -> SceneTables:
+    """Tables in which only the pairs of some objects are checked.
+
+    Raises:
+        UnknownNameError: One is no object that is attached to no link.
+    """
+    own = np.zeros(len(tables.groups), dtype=np.intp)
+    for name in names:
+        item = object_named(name, tables.standing)
+        own[item.first : item.first + item.count] = 1
+    return restricted(tables, own, lambda a, b: a + b > 0)
 
 
 def verify(

@@ -20,17 +20,21 @@ def riders(tables: SceneTables) -> NDArray[np.intp]:
 
 
 def restricted(
-    tables: SceneTables, keeps: Callable[[int, int], bool], floor: float = 0.0
+    tables: SceneTables,
+    carriers: NDArray[np.intp],
+    keeps: Callable[[int, int], bool],
+    floor: float = 0.0,
 ) -> SceneTables:
     """The same tables, with fewer pairs that are checked.
 
     Args:
         tables: The scene.
-        keeps: Whether pairs of primitives on two carriers stay checked, see `riders`;
-            it is symmetric.
+        carriers: A number for each primitive, as of `riders`, shape (p,).
+        keeps: Whether pairs of primitives of two such numbers stay checked; it is
+            symmetric.
         floor: Least buffer of those pairs [m].
     """
-    keys = np.column_stack((tables.groups, riders(tables)))
+    keys = np.column_stack((tables.groups, carriers))
     rows, groups = np.unique(keys, axis=0, return_inverse=True)
     old, carrier = rows.T
     kept = np.array([[keeps(int(a), int(b)) for b in carrier] for a in carrier])
