@@ -12,11 +12,11 @@ from armguard.guard import layout
 from armguard.guard.layout import IN_HEADER, IN_NEAR, IN_ROBOT
 from armguard.guard.levels import Level
 from armguard.scene.compile import compile_scene
+from armguard.scene.poses import body_poses
 from armguard.scene.two_pandas import two_pandas_scene
 from armguard.view.drawables import NearPairs
 from armguard.view.signals import NEAREST, POSITION, SHADED, NearList, SignalPlot
 from armguard.view.view import HALF_VIEW, View, bounds_of, corners_of, fitted
-from armguard.view.world import body_poses
 
 
 @pytest.mark.parametrize("make", [bay_scene, two_pandas_scene])

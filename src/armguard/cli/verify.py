@@ -26,6 +26,7 @@ from armguard.plans.plan import Plan
 from armguard.plans.proof import PlanProof
 from armguard.plans.recheck import recheck
 from armguard.plans.splines import DEGREES, Interpolation
+from armguard.plans.sweep import write_pieces
 from armguard.plans.verify import PlanVerifier
 from armguard.recording.motions import load_motion
 from armguard.scene import Scene, load_scene
@@ -56,6 +57,16 @@ class Options:
     certificate: Annotated[
         Path | None, Option(help="NPZ file to write, with every tile of the proof.")
     ] = None
+    sweep: Annotated[
+        Path | None,
+        Option(
+            help="GLB, STL or PLY file to write: all that the links pass through, with "
+            "the declared errors."
+        ),
+    ] = None
+    sweep_tolerance: Annotated[
+        float, Option(help="How far the sweep may reach beyond that, about [m].")
+    ] = 0.005
     interpolation: Annotated[
         str | None,
         Option(
@@ -137,6 +148,16 @@ def verify(options: Options) -> None:
                 "and the skew"
             )
         verifier.certificate(plans[0]).write(options.certificate)
+    if options.sweep is not None:
+        if len(plans) > 1:
+            raise TrajectoryError("a sweep is of one plan; give one")
+        pieces = verifier.sweep(
+            plans[0],
+            following_error=errors,
+            skew=skew,
+            tolerance=options.sweep_tolerance,
+        )
+        write_pieces(pieces, options.sweep)
     if options.json:
         print_json(answer_of(options.scene.name, proofs))
     else:

@@ -1,6 +1,6 @@
 """Proofs over whole plans in a scene."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from math import inf
 from pathlib import Path
 
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armguard.batch.checker import Checker
-from armguard.errors import TrajectoryError
+from armguard.errors import TrajectoryError, UnknownNameError, did_you_mean
 from armguard.plans.certificate import Certificate, scene_hash
 from armguard.plans.plan import ByName, Plan, figures_by_joint
 from armguard.plans.proof import PlanProof
 from armguard.plans.splines import Interpolation
 from armguard.plans.stop_order import stop_order
+from armguard.plans.sweep import Piece, sweep
 from armguard.prove.paving import NearInterval, Paver
 from armguard.prove.tile_search import LABEL, LOWER, PAIR, PLACE
 from armguard.prove.tube import Tube
@@ -144,6 +145,38 @@ class PlanVerifier:
                 :, [PAIR, PLACE, PLACE + LOW, PLACE + HIGH, LABEL, LOWER]
             ],
         )
+
+    def sweep(
+        self,
+        plan: Plan,
+        *,
+        following_error: ByName = 0.0,
+        skew: ByName = 0.0,
+        tolerance: float = 0.005,
+        links: Collection[str] | None = None,
+    ) -> list[Piece]:
+        """Convex pieces that together hold all that links pass through.
+
+        Args:
+            plan: The plan.
+            following_error: See `verify` [rad or m].
+            skew: See `verify` [s].
+            tolerance: How far pieces may reach beyond that, about; less makes more of
+                them [m].
+            links: 'robot/link' of those that are swept; all if left out.
+
+        Raises:
+            TrajectoryError: A figure is no such figure, or a name is unknown.
+            UnknownNameError: A link is none of a robot in the scene.
+        """
+        tables = self.checker.tables
+        for link in links or ():
+            if link not in tables.links:
+                raise UnknownNameError(
+                    f"no link is named '{link}'; {did_you_mean(link, tables.links)}"
+                )
+        tube = plan.widened(self.scene, following_error, skew)
+        return list(sweep(tube, tables, tolerance=tolerance, links=links))
 
     def _intervals(self, tube: Tube, resolution: float) -> list[NearInterval]:
         """What is not proven of a tube."""

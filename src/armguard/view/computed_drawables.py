@@ -9,9 +9,10 @@ from armguard.index import Octree
 from armguard.recording.frames import Frame
 from armguard.recording.palette import BLUE
 from armguard.robot.stopping.distance import brake_way
+from armguard.scene.poses import body_poses
 from armguard.scene.tables import SceneTables
 from armguard.view.drawables import Bodies, Drawable, slug
-from armguard.view.world import Cycle, World, body_poses
+from armguard.view.world import Cycle, World
 
 Floats = NDArray[np.float64]
 

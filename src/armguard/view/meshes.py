@@ -4,7 +4,6 @@ Every shape is a convex core grown by a radius, so one way draws them all: point
 hull is the core, each with a small sphere around it, and the hull of that.
 """
 
-import ctypes
 from functools import cache, partial
 from typing import Any
 
@@ -18,6 +17,7 @@ from armguard.errors import ArmguardError
 from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.core_support import core_support
 from armguard.geometry.shapes import ShapeKind, shape_row
+from armguard.plans.sweep import points_of
 from armguard.robot.meshes import load_triangles
 from armguard.robot.model import Cylinder, Link, MeshFile, RobotModel
 from armguard.robot.packages import find_file
@@ -39,9 +39,6 @@ GROUND = 4.0
 # Thinner than this a core has no hull and is given a little body [m].
 THIN = 5e-4
 
-# Cores that are hulls of points in their row, and how many points.
-POINTS = {ShapeKind.SPHERE: 1, ShapeKind.CAPSULE: 2, ShapeKind.TRIANGLE: 3}
-
 BOX_CORNERS = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
 
 
@@ -54,8 +51,9 @@ def directions(subdivisions: int) -> Floats:
 def core_points(kind: int, row: Floats) -> Floats:
     """Points whose convex hull is, or closely is, the core of a primitive, (k, 3)."""
     origin, R = row[1:4], row[7:16].reshape(3, 3)
-    if kind in POINTS:
-        return row[1 : 1 + 3 * POINTS[ShapeKind(kind)]].reshape(-1, 3)
+    points = points_of(ShapeKind(kind), row)
+    if points is not None:
+        return points
     if kind == ShapeKind.HALF_SPACE:
         return ground(origin, row[4:7])
     if kind == ShapeKind.BOX:
@@ -64,10 +62,6 @@ def core_points(kind: int, row: Floats) -> Floats:
         local = rings(row[4], row[6], row[5])
     elif kind == ShapeKind.ELLIPSOID:
         local = directions(3) * row[4:7]
-    elif kind == ShapeKind.HULL:
-        # All x, then all y, then all z, where the row says.
-        numbers = (ctypes.c_double * (3 * int(row[5]))).from_address(int(row[4]))
-        local = np.array(numbers).reshape(3, -1).T
     else:
         # Of what only its support function knows, the farthest points all around.
         far = [core_support(kind, row, tuple(d)) for d in directions(3).tolist()]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from armguard.errors import StationError
 from armguard.recording.frames import Frame
 from armguard.recording.palette import BLUE
+from armguard.scene.poses import body_poses
 from armguard.scene.scene import Scene
 from armguard.scene.tables import SceneTables
 from armguard.view.computed_drawables import Leaves, StopGhost
@@ -31,7 +32,7 @@ from armguard.view.sensed import Frontier, SensedCells, SensorViews
 from armguard.view.signals import MarkedPair, NearList, SignalPlot
 from armguard.view.state_message import state_message
 from armguard.view.viser_server import open_viser
-from armguard.view.world import World, body_poses, held_in, levels_of
+from armguard.view.world import World, held_in, levels_of
 
 Floats = NDArray[np.float64]
 

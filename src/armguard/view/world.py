@@ -20,7 +20,6 @@ from armguard.guard.verdict import Verdict
 from armguard.recording.frames import Frame
 from armguard.recording.shape_words import shape_of
 from armguard.respond import Command
-from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.compile import compile_scene
 from armguard.scene.scene import Scene
 from armguard.scene.standing import Standing
@@ -160,22 +159,6 @@ class World:
         )
         command = Command(frame.told, self.tables.robots, verdict)
         return Cycle(frame, verdict, command if len(frame.told) else None)
-
-
-def body_poses(tables: SceneTables, q: Floats) -> Floats:
-    """Poses of all bodies at a configuration, rows of [R | p], shape (b, 12)."""
-    poses = np.zeros((len(tables.parent), 12))
-    forward_kinematics(
-        q,
-        tables.parent,
-        tables.joint_kind,
-        tables.q_index,
-        tables.gain,
-        tables.T_parent_joint,
-        tables.axis,
-        poses,
-    )
-    return poses
 
 
 def tool_pose(tables: SceneTables, part: RobotPart, poses: Floats) -> Floats:
