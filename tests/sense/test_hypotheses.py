@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 
+import armguard as ag
+from armguard.geometry.pose import Pose
+from armguard.scene.two_pandas import sensed_table_path
 from armguard.sense import Fault
 from armguard.sense.frames import Frame
 from armguard.sense.hypotheses import LAGS, Hypotheses
 from armguard.sense.prediction import Mount, Prediction
 from armguard.sense.view import View
 from armguard.simulation.sensed import sensed_bay
+from armguard.simulation.sensors import Rig
 
 SENSOR = sensed_bay(camera=False).sensors["left_ring/1"]
 VIEW = View(SENSOR, 0.05, 0.025)
@@ -120,3 +124,58 @@ def test_a_frame_without_evidence_is_no_sign():
     seen = np.isfinite(lost)
     none = np.zeros((8, 8), dtype=bool)
     assert not tests.test(Frame(lost, seen, none, none), REST, own, (), 0.1)
+
+
+def test_a_delay_is_not_seen_on_one_side_alone():
+    # Surfaces only come nearer, as those of a model that is too large may do.
+    depths = [1.8 - 0.06 * k for k in range(16)]
+    assert not any(found([depths[max(k - 1, 0)] for k in range(16)], depths))
+
+
+def test_the_same_evidence_counts_once():
+    # At rest four zones see a place too near and four too far, as if mirrored.
+    own = np.full((8, 8), 1.0)
+    own[:4, 7] = 1.5
+    assert not any(found([own[:, ::-1]] * 60, [own] * 60))
+    # More of them are enough, for as long as they are seen.
+    own[:, 5:] = 1.5
+    assert all(found([own[:, ::-1]] * 60, [own] * 60))
+
+
+@pytest.mark.parametrize(("rows", "accepted"), [(3, False), (4, True)])
+def test_votes_against_count_on_both_sides(rows, accepted):
+    # Two columns differ in four rows, of which some are mirrored.
+    declared, depths = [], []
+    for k in range(12):
+        own = np.full((8, 8), 1.0)
+        own[:4, 0], own[:4, 7] = 1.1 + 0.05 * k, 1.4 + 0.05 * k
+        depth = own.copy()
+        depth[:rows] = own[:rows, ::-1]
+        declared.append(own)
+        depths.append(depth)
+    assert any(found(depths, declared)) == accepted
+
+
+def test_a_body_that_another_prediction_passes_again_and_again_is_no_evidence():
+    nothing = [np.full((8, 8), np.inf)] * 30
+    assert not any(found([0.3] * 30, nothing, others=[(0.3,), (np.inf,)]))
+
+
+@pytest.mark.parametrize("seed", [2, 3, 7])
+def test_a_paused_camera_above_resting_arms_is_in_order(seed):
+    # The view of two arms face to face is nearly its own image, turned by 180 degrees.
+    # Fits enclose the links, so a few pixels look past them, the same in each image.
+    scene = ag.load_scene(sensed_table_path())
+    rig, sense = Rig(scene, [(0.15, 0.12, 0.2)]), ag.Sense(scene)
+    rig.place(0, Pose(xyz=(0.0, 0.25, 0.1)))
+    rng = np.random.default_rng(seed)
+    rest = scene.home + rng.uniform(-0.015, 0.015, len(scene.home))
+    for k in range(400):
+        stamp = 0.01 * k
+        q = rest + 0.06 * np.sin(2.6 * min(stamp - 1.0, 0.0))
+        sense.joints(q, stamp)
+        paused = 0.5 < stamp < 1.5
+        if k % 10 == 5 and not paused:
+            sense.depth("top", rig.read("top", q).distance, stamp)
+    past = {one.fault for one in sense.health["top"].past}
+    assert past | set(sense.health["top"].faults) <= {Fault.SILENT}

@@ -75,14 +75,20 @@ class Hypotheses:
     """A sequential test of other places and times of a sensor against the declared one.
 
     A zone votes for a hypothesis if that explains its distance and the declared place
-    does not. Votes are summed up and do not fall below zero, as in Page's CUSUM test.
-    Hypotheses are the images of the grid of zones, the predictions of the last frames,
-    and those of other sensors of the same kind.
+    does not, and against it if it differs from the declared place and does not explain
+    the distance. Votes are summed up and do not fall below zero, as in Page's CUSUM
+    test. Hypotheses are the images of the grid of zones, the predictions of the last
+    frames, and those of other sensors of the same kind.
 
-    Distances that are late are too near where a surface goes away, and too far where
-    one comes. A wrong model is only one of both, so both have to be seen. For the
-    place of another sensor a zone votes again only after a prediction has changed: an
-    unknown body in view may have the distance that is predicted there.
+    A zone votes again only after a prediction of it has changed: at rest a wrong model
+    and an unknown body are the same in every frame. For the place of another sensor
+    the first vote does not count: an unknown body may have the distance that is
+    predicted there.
+
+    An image has the same depths as the grid in other zones, so some zones are too near
+    and as many too far. So are distances that are late, where surfaces come and go. An
+    unknown body is too near, and what is less than its model too far. So votes of both
+    are summed up on their own, and both sums have to be large.
 
     Args:
         view: The sensor.
@@ -101,8 +107,11 @@ class Hypotheses:
         self._past: deque[tuple[float, Floats]] = deque(maxlen=LAGS + 1)
         # Where a hypothesis is nearer than the declared place, and where it is farther.
         self._votes = np.zeros((2, count + LAGS + len(others)))
-        # Predictions of the last votes: of the others, and at the declared place.
-        self._last = np.full((2, len(others), len(view.places[0])), np.nan)
+        # Least depths of the hypotheses and of the declared place when each zone has
+        # voted last: for a hypothesis, and against it.
+        shape = 2, 2, self._votes.shape[1], len(view.places[0])
+        self._last = np.full(shape, -np.inf)
+        self._last[0, :, self._elsewhere] = np.nan
 
     def test(
         self, frame: Frame, mount: Mount, prediction: Prediction,
@@ -125,7 +134,6 @@ class Hypotheses:
         counts = here.counts & (nothing | ~np.isnan(depth))
         if np.count_nonzero(counts & ~here.fits) < FEW:
             self._votes = np.maximum(self._votes - REFUTES, 0.0)
-            self._last = self._near(own, others)
             self._past.appendleft((now, own))
             return None
         zones = self._predicted(own, others, now)
@@ -133,19 +141,19 @@ class Hypotheses:
         counts = counts & there.counts
         # A zone that sees nothing is no evidence of a place: many see nothing.
         agree = counts & there.fits & ~here.fits & ~nothing
-        agree[self._elsewhere] &= self._anew(agree, self._near(own, others), slack)
         with np.errstate(invalid="ignore"):
             differ = (np.abs(zones - own)[..., :2] > slack[:, None]).any(axis=2)
-        votes = agree - REFUTES * (counts & differ & ~there.fits)
-        nearer = zones[..., 0] < own[:, 0]
-        sides = np.stack([(votes * some).sum(axis=1) for some in (nearer, ~nearer)])
-        self._votes = np.clip(self._votes + sides, 0.0, MOST)
+        refuted = counts & differ & ~there.fits
+        near = np.stack([zones[..., 0], np.broadcast_to(own[:, 0], agree.shape)])
+        votes, against = self._anew(np.stack([agree, refuted]), near, slack)
+        sides = 2.0 * (votes & np.stack([near[0] < near[1], near[0] >= near[1]]))
+        # In another place a sensor may see nothing but what is nearer, or farther.
+        sides[:, self._elsewhere] = votes[self._elsewhere]
+        change = (sides - REFUTES * against).sum(axis=2)
+        self._votes = np.clip(self._votes + change, 0.0, MOST)
         self._past.appendleft((now, own))
         # A fault lasts as long as frames are evidence of it.
-        total = np.where(agree.any(axis=1), self._votes.sum(axis=0), 0.0)
-        total[self._late] = np.minimum(
-            total[self._late], 2.0 * self._votes[:, self._late].min(axis=0)
-        )
+        total = np.where(agree.any(axis=1), self._votes.min(axis=0), 0.0)
         best = int(total.argmax())
         return self._accepted(best, now) if total[best] >= ACCEPTED else None
 
@@ -178,22 +186,19 @@ class Hypotheses:
         fits = np.where(nothing, far > SEEN * greatest, within)
         return Known(fits, near >= least)
 
-    def _near(self, own: Floats, others: Sequence[Prediction | None]) -> Floats:
-        """Least depths of the other sensors, and of the sensor, (2, others, z) [m]."""
-        out = np.empty_like(self._last)
-        out[:] = own[:, 0]
-        for k, one in enumerate(others):
-            if one is not None:
-                out[0, k] = one.near
-        return out
+    def _anew(self, voting: Bools, near: Floats, slack: Floats) -> Bools:
+        """Zones that vote with another prediction than last time.
 
-    def _anew(self, agree: Bools, now: Floats, slack: Floats) -> Bools:
-        """Zones with another prediction than at their last vote, shape (others, z)."""
+        Args:
+            voting: Those that vote for a hypothesis, and against it, shape (2, h, z).
+            near: Least depths of the hypotheses and of the declared place, (2, h, z).
+            slack: How far off distances may be, shape (z,) [m].
+        """
         with np.errstate(invalid="ignore"):
-            anew = (np.abs(now - self._last) > ANEW * slack).any(axis=0)
-        waits = agree[self._elsewhere] & ~anew & ~np.isnan(self._last[1])
-        self._last = np.where(waits, self._last, now)
-        return np.asarray(anew)
+            anew = (np.abs(near - self._last) > ANEW * slack).any(axis=1)
+        noted = voting & (anew | np.isnan(self._last[:, 0]))
+        self._last = np.where(noted[:, None], near, self._last)
+        return np.asarray(voting & anew)
 
     def _accepted(self, best: int, now: float) -> Accepted:
         """A hypothesis by its number, at the time of the last frame [s]."""
