@@ -224,5 +224,5 @@ KINDS: Mapping[str, Kind] = {
     "camera: mirrored": camera(
         simple(lambda m, d, s, t: (d[:, ::-1], s, t)), Fault.MOVED
     ),
-    "camera: two images behind": camera(partial(delayed, 2), Fault.MOVED),
+    "camera: two images behind": camera(partial(delayed, 2), Fault.DELAYED),
 }

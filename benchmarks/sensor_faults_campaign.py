@@ -14,7 +14,9 @@ import sys
 from collections.abc import Mapping
 from functools import cache, partial
 from hashlib import sha256
+from operator import is_
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +24,9 @@ import armguard as ag
 import sensor_faults
 from armguard import sense as sensing
 from armguard.simulation import sensed
-from armguard.simulation.sensed import drive, sensed_bay, swing
+from armguard.simulation.sensed import Sent, Tamper, drive, sensed_bay, swing
 from armguard.simulation.sensors import Rig
-from episodes.campaign import Campaign, Episode
+from episodes.campaign import Campaign, Episode, LeftOut
 from episodes.records import Digest, Figures
 from pages import DOCS
 from sensor_faults import CAMERA, KINDS
@@ -64,10 +66,21 @@ def episode(kind: str, seed: int) -> Episode:
         injected = one.make(scene, names[rng.integers(len(names))], rng)
         rig.truth.update(injected.mounts)
         at_fault, before = injected.at_fault, set(found)
-        drive(
-            sense, rig, motion, LASTS, start=start, each=each,
-            tamper=injected.tamper,
-        )  # fmt: skip
+        tamper, changes = noted(injected.tamper)
+
+        def go_on(seconds: float, since: float) -> None:
+            drive(
+                sense, rig, motion, seconds, start=since, each=each,
+                tamper=tamper,
+            )  # fmt: skip
+
+        go_on(LASTS, start)
+        if changes:
+            # Until then the fault had no effect.
+            go_on(changes[0] - start, start + LASTS)
+            start = max(start, changes[0])
+        elif tamper is not None:
+            raise LeftOut("no frame was changed")
         later = {key: t for key, t in found.items() if key not in before}
         named = {key: t for key, t in later.items() if key[0] in at_fault}
         false += len(later) - len(named)
@@ -82,6 +95,21 @@ def episode(kind: str, seed: int) -> Episode:
         "right": any(fault in expected for _, fault in named),
         "false": false,
     }
+
+
+def noted(change: Tamper | None) -> tuple[Tamper | None, list[float]]:
+    """A fault in frames, and a list that gets the times of those that it changes."""
+    changes: list[float] = []
+    if change is None:
+        return None, changes
+
+    def tamper(sensor: str, measured: float, *frame: Any) -> Sent:
+        sent = change(sensor, measured, *frame)
+        same = sent is not None and all(map(is_, sent, frame))
+        changes.extend(() if same else (measured,))
+        return sent
+
+    return tamper, changes
 
 
 def summed_up(kind: str, episodes: list[Episode]) -> Figures:
@@ -120,8 +148,10 @@ def page(results: Mapping[str, Figures]) -> str:
         if kind == IN_ORDER:
             rows.append(f"| {kind}, minutes | {n} | - | - | - | - | {f['false']} |")
             continue
+        left_out = sum(f["left_out"].values())
+        times = f"{n} of {n + left_out}" if left_out else n
         rows.append(
-            f"| {kind} | {n} | {f['in_time']} | {n - f['in_time']} | {f['right']} "
+            f"| {kind} | {times} | {f['in_time']} | {n - f['in_time']} | {f['right']} "
             f"| {f['longest_s']:.2f} | {f['false']} |"
         )
     text = (DOCS / "sensor_faults.md").read_text(encoding="utf-8")

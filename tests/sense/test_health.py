@@ -5,8 +5,9 @@ import pytest
 
 import armguard as ag
 from armguard.sense import Fault
+from armguard.sense.frames import frame_of
 from armguard.sense.health import FrameTests, SensorHealth
-from armguard.sense.prediction import Mount
+from armguard.sense.prediction import Mount, Prediction
 from armguard.sense.view import View
 from armguard.simulation.sensed import drive, sensed_bay, swing
 from armguard.simulation.sensors import Rig, mounted
@@ -93,6 +94,37 @@ def test_a_camera_that_is_mounted_elsewhere_is_named_with_its_offset(
         assert f"{way:.0f} mm" in str(sense.health["top"])
 
 
+@pytest.mark.parametrize(
+    ("case", "fault", "words"),
+    [
+        ("two swapped", Fault.MOVED, "its distances are those of left_ring/"),
+        ("on the other arm", Fault.MOVED, "its distances are those of right_ring/1"),
+        ("camera: mirrored", Fault.MOVED, "columns reversed"),
+        ("camera: two images behind", Fault.DELAYED, "67 ms"),
+    ],
+)
+def test_a_sensor_in_another_place_or_late_is_named(case, fault, words):
+    kind = KINDS[case]
+    name = "top" if kind.camera else NAME
+    injected = kind.make(sensed_bay(), name, np.random.default_rng(5))
+
+    def change(rig, _):
+        rig.truth.update(injected.mounts)
+
+    before, after, sense = watched(
+        injected.tamper, change=change, zones=not kind.camera
+    )
+    assert before == {}
+    assert {sensor for sensor, _ in after} <= set(injected.at_fault)
+    named = [sensor for sensor, one in after if one is fault]
+    assert named
+    for sensor in named:
+        assert after[sensor, fault] < BEGIN + 1.0
+        assert not sense.health[sensor].trusted
+        assert sense.health[sensor].misled
+        assert words in str(sense.health[sensor])
+
+
 def test_objects_that_are_not_there_are_named():
     before, after, _ = watched(without=("bench", "tool_holder"), seconds=1.0)
     assert {*before, *after} == {"bench", "tool_holder"}
@@ -166,3 +198,67 @@ def test_zones_that_move_beside_a_surface_are_not_dirty(axis, faults):
         tests._test_dirty(depth, np.ones(64, dtype=bool), mount, k / 15)
     assert set(health.faults) == faults
     assert not health.misled
+
+
+@pytest.mark.parametrize(
+    ("distances", "named"), [(1, None), (2, 9), (4, 5), (8, 3), (60, 3)]
+)
+def test_a_repeated_frame_with_few_distances_needs_more_frames(distances, named):
+    sensor = sensed_bay(camera=False).sensors[NAME]
+    health, view = SensorHealth(sensor), View(sensor, 0.05, 0.025)
+    tests, values = FrameTests(view, health), np.full((8, 8), np.nan)
+    values.reshape(-1)[:distances] = 0.3
+    found = []
+    for k in range(20):
+        tests.repeats(values.copy(), k / 15)
+        found.append(Fault.REPEATED in health.faults)
+    assert (found.index(True) + 1 if any(found) else None) == named
+    other = values + 0.01
+    assert not tests.repeats(other, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("zones", "step", "faults"),
+    [(3, 0.02, {Fault.STUCK}), (2, 0.02, set()), (3, 0.0, set())],
+)
+def test_zones_that_keep_their_bits_in_motion_are_stuck(zones, step, faults):
+    # Nothing is modelled in view.
+    sensor = sensed_bay(camera=False).sensors[NAME]
+    health, view = SensorHealth(sensor), View(sensor, 0.05, 0.025)
+    tests, rng = FrameTests(view, health), np.random.default_rng(1)
+    nothing = Prediction(np.tile([np.inf, np.inf, -1.0, 0.0], (64, 1)))
+    for k in range(8):
+        depth = 0.5 + 0.003 * rng.standard_normal(64)
+        depth[:zones] = 0.31
+        mount = Mount(np.eye(3), np.array([step * k, 0.0, 0.0]), 0.0, 0.0)
+        tests._test_stuck(depth, nothing, mount, k / 15)
+    assert set(health.faults) == faults
+
+
+@pytest.mark.parametrize(
+    ("speed", "faults"), [(0.0, {Fault.DIRTY}), (0.5, set()), (1.0, set())]
+)
+def test_dirty_zones_are_found_while_a_sensor_moves_across_its_axis(speed, faults):
+    # A body at 0.1 m goes through the view at a share of the sensor's speed: dirt at
+    # none of it, a body at rest at all of it.
+    sensor = sensed_bay(camera=False).sensors[NAME]
+    health, view = SensorHealth(sensor), View(sensor, 0.05, 0.025)
+    tests = FrameTests(view, health)
+    x = view.points(np.arange(64), np.full(64, 0.1))[:, 0]
+    for k in range(12):
+        way = 0.005 * k
+        seen = np.abs(x + speed * (way - 0.03)) < 0.018
+        depth = np.where(seen, 0.1, np.inf)
+        mount = Mount(np.eye(3), np.array([way, 0.0, 0.0]), 0.0, 0.0)
+        tests._test_dirty(depth, seen, mount, k / 15)
+    assert set(health.faults) == faults
+
+
+def test_nan_in_a_zone_with_a_status_cannot_be():
+    sensor = sensed_bay(camera=False).sensors[NAME]
+    view, distance = View(sensor, 0.05, 0.025), np.full((8, 8), 0.3)
+    distance[2, 3] = np.nan
+    nothing = np.full((8, 8), 255)
+    found = frame_of(sensor, view.slopes, distance, nothing)
+    assert np.argwhere(found.impossible).tolist() == [[2, 3]]
+    assert not frame_of(sensor, view.slopes, distance, None).impossible.any()

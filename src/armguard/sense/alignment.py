@@ -22,15 +22,16 @@ CAPTURE = 0.12
 # fits [s].
 FRAMES, POINTS, LEAST, EVERY = 10, 64, 120, 0.2
 
-# Steps of a fit. Of the points the share with the largest residuals is left out.
-STEPS, LEFT_OUT = 6, 0.1
+# Steps of a fit at most, and the change that ends it [m or rad]. Of the points a share
+# is left out, those with the largest residuals.
+STEPS, CONVERGED, LEFT_OUT = 16, 1e-4, 0.1
 
 # What is expected before any measurement: offset [m] and turn [rad].
 EXPECTED_SHIFT, EXPECTED_TURN = 0.05, 0.1
 
 # A fit shows an offset if it is beyond the declared error, by this many of its standard
 # deviations, and leaves less than this share of the mean square residual.
-CERTAINTY, LEFT = 5.0, 0.5
+CERTAINTY, LEFT = 5.0, 0.7
 
 
 class Offset(NamedTuple):
@@ -134,7 +135,7 @@ class Alignment:
         """The offset by weighted least squares, the worst points left out."""
         R, shift = np.eye(3), np.zeros(3)
         prior = np.array([EXPECTED_SHIFT] * 3 + [EXPECTED_TURN] * 3) ** -2.0
-        before = np.nan
+        before, change = np.nan, np.full(6, np.inf)
         weights = np.concatenate([look.weight for look in self._looks])
         kept = int((1.0 - LEFT_OUT) * (len(weights) - 1))
         out = np.full((len(weights), 8), -1.0)
@@ -146,7 +147,7 @@ class Alignment:
             weight = np.where(size <= worst, weights, 0.0)
             cost = float((weight * residual**2).sum())
             before = cost if step == 0 else before
-            if step == STEPS:
+            if step == STEPS or np.abs(change).max() < CONVERGED:
                 break
             total = np.concatenate([shift, rotation_vector(R)])
             H = (rows * weight[:, None]).T @ rows + np.diag(prior)

@@ -65,7 +65,7 @@ class Frame(NamedTuple):
         firm: Which of them may free space.
         nothing: Where nothing is within range.
         impossible: Where the value cannot be: it is negative, or its status says that
-            it was measured and it is no number.
+            it was measured and it is not finite; with any status, if it is no number.
         surely: Depths up to which nothing is, where they do not follow from `depth`
             [m].
     """
@@ -159,6 +159,8 @@ def frame_of(
     # Pixels of images without a measurement are NaN, infinite or 0.
     if not sensor.image and status is not None:
         impossible |= measured & (~np.isfinite(depth) | (depth == 0.0))
+        # Drivers send numbers for all zones.
+        impossible |= np.isnan(depth)
     usable = measured & (depth > 0.0) & (depth <= sensor.range[1])
     depth[~usable] = np.nan
     return Frame(depth, firm & usable, nothing, impossible)

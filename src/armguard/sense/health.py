@@ -30,17 +30,22 @@ SILENT_PERIODS = 2.0
 # Frames in a row with too few valid distances, and the share that is too small [-].
 BLIND_FRAMES, LEAST_VALID = 3, 0.5
 
-# Distances that a frame and the one before have to share to be a repetition.
-LEAST_REPEATED = 8
+# Distances that a frame and the one before have to share to be a repetition; those of a
+# frame that count at most, and repeated ones of frames in a row that are a fault.
+LEAST_REPEATED, MOST_REPEATED, REPEATED = 2, 8, 16
 
 # Frames in a row in which a zone has the same distance to the bit though another one is
-# predicted.
-STUCK_FRAMES = 5
+# predicted; and zones that have it in so many frames though the sensor moves.
+STUCK_FRAMES, STUCK_ZONES = 5, 3
 
 # A window of frames in which zones see the same near distance while the sensor moves:
 # its length [s], the distances [m], the way of the sensor [m] and its turn [-].
 DIRTY_TIME, DIRTY_NEAR, DIRTY_WAY, DIRTY_TURN = 0.6, 0.3, 0.08, 0.2
 DIRTY_ZONES, DIRTY_FRAMES = 3, 6
+
+# Points of what they see past which other zones look, and their share, so it is no body
+# at rest; and the share of the near zones that stay the same, so it is no moving one.
+PAST_POINTS, PAST_SHARE, SAME_SHARE = 6, 0.5, 0.75
 
 
 class Fault(WithSentence):
@@ -60,10 +65,11 @@ class Fault(WithSentence):
     STUCK = 7, "zones keep their distance though another one is predicted"
     DIRTY = 8, "zones see the same near distance wherever it is; clean it"
     MOVED = 9, "it is mounted elsewhere than the scene says"
+    DELAYED = 10, "its distances are older than its stamps say; check its delay"
 
 
 # Faults that only show while a sensor, or what it sees, moves.
-BY_MOTION = frozenset((Fault.STUCK, Fault.DIRTY, Fault.MOVED))
+BY_MOTION = frozenset((Fault.STUCK, Fault.DIRTY, Fault.MOVED, Fault.DELAYED))
 
 # Of these, those in which a sensor may have looked past a body. A dirty zone sees too
 # near a distance, and frees no space beyond it.
@@ -201,24 +207,27 @@ class FrameTests:
     def __init__(self, view: View, health: SensorHealth) -> None:
         self._view, self._health = view, health
         self._cone = view.predicted(view.cone)
-        self._last, self._repeated, self._blind = np.zeros(0), False, 0
+        self._last, self._repeated, self._blind = np.zeros(0), 0, 0
         zones = len(view.places[0])
         self._values, self._run = np.full(zones, np.nan), np.zeros(zones, np.int64)
         self._least, self._most = np.full(zones, np.inf), np.full(zones, -np.inf)
+        self._from = np.zeros((zones, 3))
         self._window: deque[Near] = deque()
 
     def repeats(self, values: Floats, now: float) -> bool:
-        """Whether a frame has the values of the one before; twice is a fault."""
+        """Whether a frame has the values of the one before; soon that is a fault."""
+        count = int(np.count_nonzero(np.isfinite(values)))
         same = (
             values.shape == self._last.shape
             # Of most frames the first row already differs.
             and values[:1].tobytes() == self._last[:1].tobytes()
             and np.array_equal(values.view(np.int64), self._last.view(np.int64))
-            and np.count_nonzero(np.isfinite(values)) >= LEAST_REPEATED
+            and count >= LEAST_REPEATED
         )
-        if same and self._repeated:
+        self._last = values
+        self._repeated = self._repeated + min(count, MOST_REPEATED) if same else 0
+        if self._repeated >= REPEATED:
             self._health.sign(Fault.REPEATED, now)
-        self._last, self._repeated = values, bool(same)
         return bool(same)
 
     def test(
@@ -241,9 +250,10 @@ class FrameTests:
         if self._view.sensor.narrow:
             # Its one distance is the least within the cone, and has no zones.
             return
-        self._test_stuck(depth, prediction, now)
+        self._test_stuck(depth, prediction, mount, now)
         foreign = np.isfinite(self._view.predicted(hits))
-        self._test_dirty(depth, foreign, mount, now)
+        reading = np.where(self._view.predicted(frame.nothing), np.inf, depth)
+        self._test_dirty(reading, foreign, mount, now)
 
     def test_points(self, found: Points, now: float) -> None:
         """Test points: without any the sensor is blind.
@@ -271,20 +281,28 @@ class FrameTests:
         if self._blind >= BLIND_FRAMES:
             self._health.sign(Fault.BLIND, now, f"{valid:.0%} valid")
 
-    def _test_stuck(self, depth: Floats, prediction: Prediction, now: float) -> None:
-        known = prediction.far < np.inf
-        same = (depth == self._values) & known
-        if not same.any():
-            self._values, self._run[:] = depth, 0
-            self._least[:], self._most[:] = np.inf, -np.inf
-            return
-        self._run = np.where(same, self._run + 1, 0)
-        self._least = np.where(same, np.minimum(self._least, prediction.near), np.inf)
-        self._most = np.where(same, np.maximum(self._most, prediction.near), -np.inf)
+    def _test_stuck(
+        self, depth: Floats, prediction: Prediction, mount: Mount, now: float
+    ) -> None:
+        same = depth == self._values
         self._values = depth
-        moved = np.where(same, self._most, 0.0) - np.where(same, self._least, 0.0)
-        slack = self._view.slack(np.nan_to_num(depth))
-        stuck = (self._run >= STUCK_FRAMES) & (moved > 2.0 * slack)
+        if not same.any():
+            self._run[:], self._least[:], self._most[:] = 0, np.inf, -np.inf
+            return
+        known = same & (prediction.far < np.inf)
+        self._least = np.where(known, np.minimum(self._least, prediction.near), np.inf)
+        self._most = np.where(known, np.maximum(self._most, prediction.near), -np.inf)
+        self._from[self._run == 0] = mount.origin
+        self._run = np.where(same, self._run + 1, 0)
+        stays = self._run >= STUCK_FRAMES
+        enough = 2.0 * self._view.slack(np.nan_to_num(depth))
+        stuck = stays & known
+        stuck[stuck] = (self._most - self._least)[stuck] > enough[stuck]
+        # Distances of images may have coarse steps.
+        way = np.linalg.norm(mount.origin - self._from, axis=1)
+        carried = stays & (way > enough) & (not self._view.sensor.image)
+        if np.count_nonzero(carried) >= STUCK_ZONES:
+            stuck |= carried
         if stuck.any():
             self._health.sign(Fault.STUCK, now, zones_in_words(stuck))
 
@@ -301,21 +319,51 @@ class FrameTests:
         few = sum(one.zones for one in self._window) <= least
         if few or len(self._window) < DIRTY_FRAMES:
             return
-        first = self._window[0].mount
-        way = float(np.linalg.norm(mount.origin - first.origin))
-        turn = float(np.linalg.norm(mount.R - first.R))
-        if way < DIRTY_WAY and turn < DIRTY_TURN:
-            return
         slack = self._view.slack(np.nan_to_num(depth))
         all_seen = np.array([one.depth for one in self._window])
         valid = np.isfinite(all_seen).mean(axis=0) > LEAST_VALID
         low, high = np.fmin.reduce(all_seen), np.fmax.reduce(all_seen)
         dirty = valid & (high < DIRTY_NEAR) & (high < low + slack)
-        # A body beside which a sensor moves keeps its distance as well.
-        origins = np.array([one.mount.origin for one in self._window])
-        dirty &= np.ptp(origins @ mount.R[:, 2]) > 2.0 * slack
+        near = np.isfinite(all_seen).any(axis=0)
+        same = dirty.sum() >= SAME_SHARE * near.sum()
+        if not (same and self._looks_past(dirty, depth, mount)):
+            first = self._window[0].mount
+            way = float(np.linalg.norm(mount.origin - first.origin))
+            turn = float(np.linalg.norm(mount.R - first.R))
+            if way < DIRTY_WAY and turn < DIRTY_TURN:
+                return
+            # A body beside which a sensor moves keeps its distance as well.
+            origins = np.array([one.mount.origin for one in self._window])
+            dirty &= np.ptp(origins @ mount.R[:, 2]) > 2.0 * slack
         if dirty.sum() >= DIRTY_ZONES:
             self._health.sign(Fault.DIRTY, now, zones_in_words(dirty))
+
+    def _looks_past(self, dirty: Bools, depth: Floats, mount: Mount) -> bool:
+        """Whether other zones look past most of what dirty ones saw before.
+
+        Args:
+            dirty: The dirty zones, shape (z,).
+            depth: Depths, infinite where there is nothing, shape (z,) [m].
+            mount: Where the sensor is.
+        """
+        zones = np.flatnonzero(dirty)
+        if self._view.sensor.image or len(zones) < DIRTY_ZONES:
+            return False
+        points = np.concatenate(
+            [
+                self._view.points(zones, one.depth[zones]) @ one.mount.R.T
+                + one.mount.origin
+                for one in self._window
+            ]
+        )
+        there = (points[np.isfinite(points[:, 2])] - mount.origin) @ mount.R
+        zone = self._view.zones_at(there)
+        there, zone = there[zone >= 0], zone[zone >= 0]
+        seen = depth[zone]
+        looks = ~dirty[zone] & ~np.isnan(seen)
+        past = looks & (seen > there[:, 2] + 2.0 * self._view.slack(there[:, 2]))
+        count = np.count_nonzero(past)
+        return bool(count >= max(PAST_POINTS, PAST_SHARE * np.count_nonzero(looks)))
 
 
 def zones_in_words(chosen: Bools) -> str:

@@ -37,8 +37,7 @@ from armguard.sense.frames_file import (
 )
 from armguard.sense.health import SIGNS, Fault, SensorHealth
 from armguard.sense.history import JointHistory
-from armguard.sense.station import Station
-from armguard.sense.view import View
+from armguard.sense.station import Station, stations_of
 from armguard.sense.world import World, sensed_space
 
 # A frame may be this much newer than the newest joint positions [s].
@@ -113,10 +112,7 @@ class Sense:
         )  # fmt: skip
         self._history = JointHistory(*self._world.joint_figures())
         self._filling = Filling(self._world, self.cells, guard, intruder.speed)
-        self._stations = {
-            name: Station(k, View(sensor, intruder.size, space.cell), self._world)
-            for k, (name, sensor) in enumerate(scene.sensors.items(), start=1)
-        }
+        self._stations = stations_of(scene, space, self._world)
         self.intakes: Counter[Intake] = Counter()
         self._start, self._sent = inf, -inf
 

@@ -131,6 +131,20 @@ class View:
         i, j = (part[zones] for part in self.places)
         return np.stack([self._x[i, j] * depth, self._y[i, j] * depth, depth], axis=1)
 
+    def zones_at(self, points: Floats) -> NDArray[np.int64]:
+        """The zone of each point in the sensor, -1 outside the view, shape (n,).
+
+        Args:
+            points: The points, shape (n, 3) [m].
+        """
+        x, y, z = points.T
+        columns, rows = self.sensor.zones
+        with np.errstate(divide="ignore", invalid="ignore"):
+            j = np.rint(x / z * self.sensor.focal[0] + self.sensor.middle[0])
+            i = np.rint(y / z * self.sensor.focal[1] + self.sensor.middle[1])
+        inside = (z > 0.0) & (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+        return np.where(inside, i * columns + j, -1).astype(np.int64)
+
     def predicted(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Values of the predicted zones, of those of all zones, shape (z,)."""
         if self.ways.shape[0] == values.size:
