@@ -39,6 +39,10 @@ class Announced(Protocol):
     def timed(self) -> bool:
         """Whether it has times."""
 
+    @property
+    def tube(self) -> Tube:
+        """Its curves."""
+
     def widened(
         self,
         scene: Any,
@@ -201,13 +205,13 @@ def tube_of(
         )
     if not isfinite(start):
         raise TrajectoryError(f"start is {start}; it must be a finite time [s]")
-    tube = plan.widened(tables, following_error)
-    if tube.control.shape[2] != len(tables.q_names):
+    joints = plan.tube.control.shape[2]
+    if joints != len(tables.q_names):
         raise TrajectoryError(
-            f"{plan.source}: it is of a scene with {tube.control.shape[2]} joints, and "
-            f"the guard has {len(tables.q_names)}; read it for the guard's scene"
+            f"{plan.source}: it is of a scene with {joints} joints, and the guard has "
+            f"{len(tables.q_names)}; read it for the guard's scene"
         )
-    return tube
+    return plan.widened(tables, following_error)
 
 
 def needed_times(tube: Tube, tables: SceneTables) -> Floats:
