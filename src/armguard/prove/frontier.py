@@ -171,8 +171,9 @@ class Frontier:
             self._begin(end)
         else:
             before, at = (self._at, self._share), int(own[done])
-            last = rows[-1, PLACE:] if len(rows) else tiles[done]
             segment, low, high = tiles[done]
+            # The last leaf may be of the tile before, or there is none.
+            [last] = rows[-1:, PLACE:] if len(rows) else [tiles[done, [0, LOW, LOW]]]
             goes_on = last[0] == segment and low < last[HIGH] <= high
             self._begin(at, float(last[HIGH] if goes_on else low))
             self.crowded = (self._at, self._share) == before
