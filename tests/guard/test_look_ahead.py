@@ -1,5 +1,6 @@
 """A plan announced to a guard: how long it is proven ahead, and when it is not."""
 
+from itertools import product
 from math import inf, nan
 
 import numpy as np
@@ -26,9 +27,10 @@ NEAR = 1
 START = 100.0
 
 
-def scene_with_wall(**settings):
-    scene = Scene(**{"mode": "path", "buffer": KEPT, **settings})
-    scene.add_robot(simple_arm(JOINTS), name="arm", stopping=FIGURES)
+def scene_with_wall(**errors):
+    scene = Scene(mode="path", buffer=KEPT)
+    figures = {**FIGURES, "position_error": 0.0, **errors}
+    scene.add_robot(simple_arm(JOINTS), name="arm", stopping=figures)
     wall = ag.Box(size=(4.0, 0.2, 2.0))
     scene.add(wall, name="wall", pose=ag.Pose(xyz=(0.0, FACE + 0.1, 0.5)))
     scene.add(ag.Sphere(radius=0.1), name="ball", present=False)
@@ -85,10 +87,10 @@ class Curves:
         joints = LENGTH * (np.cumsum(ways, axis=1) - ways)
         return np.concatenate((joints + 0.1 * ways, joints + LENGTH * ways), axis=1)
 
-    def first_near_wall(self, after=0.0):
+    def first_near_wall(self, kept=KEPT):
         """First time at which a link is nearer to the wall than it may be, or inf."""
-        times = np.arange(after, self.times[-1], 2e-5)
-        near = FACE - self.ends(times)[:, :, 1].max(axis=1) - RADIUS < KEPT
+        times = np.arange(0.0, self.times[-1], 2e-5)
+        near = FACE - self.ends(times)[:, :, 1].max(axis=1) - RADIUS < kept
         return float(times[np.argmax(near)]) if near.any() else inf
 
     def cycle(self, guard, t, off=0.0):
@@ -141,7 +143,9 @@ def test_the_lead_is_that_of_a_dense_oracle_until_the_guard_stops(guard, seed):
         assert not late
 
 
-def test_reaction_and_stop_are_those_of_the_declared_figures():
+def test_reaction_and_stop_are_those_of_the_declared_figures(monkeypatch):
+    # Nothing is proven, so every robot counts.
+    monkeypatch.setattr(frontier, "TILES", 0)
     scene = Scene(mode="path", buffer=KEPT)
     scene.add_robot(simple_arm(1), name="arm", stopping=FIGURES)
     guard = ag.Guard(scene, self_test=False)
@@ -217,6 +221,53 @@ def test_more_pairs_than_a_cycle_can_judge_end_the_lead(guard, monkeypatch):
     assert ahead.reason is AheadReason.CROWDED
     assert ahead.lead <= near
     assert ahead.needed < inf
+
+
+def test_a_place_that_the_arms_have_passed_is_not_looked_at_again(guard, monkeypatch):
+    curves = Curves(NEAR)
+    guard.announce(curves.plan(SCENE), START, following_error=1e-9)
+    with monkeypatch.context() as small:
+        small.setattr(frontier, "TILES", 0)
+        ahead = curves.cycle(guard, 0.0).ahead
+    assert (ahead.reason, ahead.lead) == (AheadReason.CROWDED, 0.0)
+    ahead, near = curves.cycle(guard, PERIOD).ahead, curves.first_near_wall()
+    assert ahead.reason is AheadReason.NEAR
+    assert near - 2.0 * PERIOD <= ahead.lead <= near - PERIOD + 4e-5
+
+
+def test_before_its_start_an_unproven_first_row_has_no_lead(guard, monkeypatch):
+    monkeypatch.setattr(frontier, "TILES", 0)
+    curves = Curves.swing()
+    guard.announce(curves.plan(SCENE), START + 0.5, following_error=1e-9)
+    ahead = guard.step(curves.rows[0], START, velocity=np.zeros(JOINTS)).ahead
+    assert (ahead.reason, ahead.lead) == (AheadReason.CROWDED, 0.0)
+    assert not ahead.enough
+
+
+def test_errors_of_the_arm_count_as_they_do_in_the_guard():
+    wrong = 0.05
+    guard = ag.Guard(scene_with_wall(model_error=wrong), self_test=False)
+    curves = Curves(NEAR)
+    guard.announce(curves.plan(SCENE), START, following_error=1e-9)
+    ahead = curves.cycle(guard, 0.0).ahead
+    near = curves.first_near_wall(kept=KEPT + wrong)
+    assert near < curves.first_near_wall() - 0.01
+    assert ahead.lead <= near + 4e-5
+    assert ahead.lead >= near - PERIOD
+
+
+def test_the_error_of_measured_positions_counts():
+    wrong, curves = 0.02, Curves(NEAR)
+    guard = ag.Guard(scene_with_wall(position_error=wrong), self_test=False)
+    guard.announce(curves.plan(SCENE), START, following_error=1e-9)
+    ahead = curves.cycle(guard, 0.0).ahead
+    planned, firsts = curves.curve, []
+    for side in product((-wrong, wrong), repeat=JOINTS):
+        curves.curve = lambda t, side=side: planned(t) + np.array(side)
+        firsts.append(curves.first_near_wall())
+    curves.curve = planned
+    assert min(firsts) < curves.first_near_wall() - 0.01
+    assert 0.9 * min(firsts) <= ahead.lead <= min(firsts) + 4e-5
 
 
 def test_no_lead_is_claimed_where_the_plan_is_not_followed(guard):

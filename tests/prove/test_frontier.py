@@ -74,6 +74,22 @@ def test_no_sample_before_it_is_too_near_from_wherever_it_restarts(checker):
             assert not checker.clear(later).all()
 
 
+def test_a_large_buffer_is_kept_as_well():
+    wide = ag.Checker(arm_among_objects(buffer=0.2))
+    near = 0
+    for seed in range(30):
+        tube = random_tube(6, 3, 6, seed, 0.4)
+        times = np.linspace(*tube.times[[0, -1]], 2001)
+        clear = wide.clear(tube.at(times))
+        made = Frontier(wide, tube, RESOLUTION)
+        run(made)
+        first = float(times[np.argmin(clear)]) if not clear.all() else inf
+        assert made.until <= first
+        assert made.until == inf or made.until >= first - 0.01
+        near += tube.times[0] < made.until < inf
+    assert near > 2
+
+
 def test_before_and_after_the_tube_it_begins_at_its_ends(checker):
     tube = random_tube(6, 1, 2, 3, 0.1)
     made = Frontier(checker, tube, RESOLUTION)

@@ -11,7 +11,7 @@ class AheadReason(Enum):
     NO_PLAN = "no plan is announced"
     PROVEN = "every pair is proven to keep its distance to the end of the plan"
     NEAR = "a pair may be too near"
-    UNPROVEN = "what follows is not proven yet"
+    UNPROVEN = "later places are not proven yet"
     CROWDED = "more pairs are near than a cycle can judge"
     NOT_FOLLOWED = (
         "a joint is farther from the plan than its following error; announce a plan "
@@ -29,9 +29,9 @@ class Ahead:
         reason: What ends the lead.
         lead: Time from the cycle to the first place that is not proven [s]. Infinite if
             all the rest is proven; 0 where nothing is claimed.
-        needed: Reaction and stop of the robots concerned, from their greatest speed in
-            the present segment of the plan [s]: those of the pair, else all. Infinite
-            where nothing is claimed, or where one of them has no stopping figures.
+        needed: Reaction and stop of the robots concerned, from their present speed in
+            the plan [s]: those of the pair, else all. 0 if all the rest is proven;
+            infinite where nothing is claimed, or where one has no stopping figures.
         a: One link or object of the pair; empty if no pair ends the lead.
         b: The other.
     """

@@ -17,10 +17,10 @@ from armguard.guard.levels import Level, Reason
 from armguard.guard.proven_lines import ProvenLines
 from armguard.guard.watch import Watch
 from armguard.prove.frontier import Frontier
-from armguard.prove.stop_order import stop_times
 from armguard.prove.tube import Tube
 from armguard.record import attributes
-from armguard.scene.tables import SceneTables
+from armguard.robot.stopping.distance import stop_travel
+from armguard.scene.tables import RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
 
@@ -84,11 +84,13 @@ class LookAhead:
         self._placed: dict[str, bytes] = {}
         self._checker = proven.strict_checker(self._placed)
         self._bound = bindings_of(tables)
-        self._frontier = Frontier(self._checker, tube, RESOLUTION * tables.period)
+        # Positions measured on the plan may be off it by the error of the sensor.
+        truly = tube.widened(position_errors(tables))
+        self._frontier = Frontier(self._checker, truly, RESOLUTION * tables.period)
         parts = tables.robots
-        self._needed = needed_times(tube, tables).tolist()
+        rates = tube.degree * np.diff(tube.control, axis=1)
+        self._rates: Floats = rates / np.diff(tube.times)[:, None, None]
         self._times: list[float] = tube.times.tolist()
-        self._chosen = [comb(tube.degree, k) for k in range(tube.degree + 1)]
         self._given, self._stamps = attributes(watch.given), watch.stamps
         self._names = tuple(f"{part.name}/" for part in parts)
         self._joints = [
@@ -103,7 +105,7 @@ class LookAhead:
         self._fresh, self._lost = True, False
 
     def look(self, q: Floats, answer: Floats, changes: int) -> Ahead:
-        """Prove a part of what follows, and say how far it is proven. Never raises.
+        """Prove a part of the rest of the plan; returns how far. Never raises.
 
         Args:
             q: Measured positions of a cycle; empty if its input was refused.
@@ -133,14 +135,14 @@ class LookAhead:
         return self._answer(now)
 
     def _answer(self, now: float) -> Ahead:
-        """What is proven from a time of the plan on."""
+        """The answer of a cycle at a time of the plan."""
         frontier = self._frontier
-        needed = self._needed[self._segment(now)]
+        _, speeds = self._at(now, self._rates)
         reason, concerned = AheadReason.UNPROVEN, [*range(len(self._names))]
         a, b = frontier.pair
         if frontier.until == inf:
-            reason = AheadReason.PROVEN
-        elif frontier.crowded:
+            return Ahead(AheadReason.PROVEN, inf, 0.0)
+        if frontier.crowded:
             reason = AheadReason.CROWDED
         elif a:
             reason = AheadReason.NEAR
@@ -150,7 +152,9 @@ class LookAhead:
             ]
         # Before its time 0 the arms are at the plan's first row already.
         lead = frontier.until - now if frontier.until > self._times[0] else 0.0
-        worst = max((needed[r] for r in concerned), default=inf)
+        tables, given = self._proven.tables, np.abs(speeds).tolist()
+        stops = [time_to_stop(tables.robots[r], given, tables) for r in concerned]
+        worst = max(stops, default=inf)
         return Ahead(reason, lead, worst, a, b)
 
     def _follows(self, q: Floats, stamps: list[float]) -> bool:
@@ -158,28 +162,32 @@ class LookAhead:
         last, segment, there = inf, 0, q
         for own, stamp in zip(self._joints, stamps, strict=True):
             if stamp != last:
-                last, (segment, there) = stamp, self._at(stamp - self._start)
+                last, (segment, there) = (
+                    stamp,
+                    self._at(stamp - self._start, self._tube.control),
+                )
             away = np.abs(q[own] - there[own])
             if not (away <= self._tube.wide[segment, own]).all():
                 return False
         return True
 
-    def _segment(self, time: float) -> int:
-        """Segment of the plan at a time; the nearest one outside it."""
-        at = bisect_right(self._times, time) - 1
-        return min(max(at, 0), len(self._times) - 2)
+    def _at(self, time: float, control: Floats) -> tuple[int, Floats]:
+        """Segment at a time, the nearest outside the plan, and the curves there.
 
-    def _at(self, time: float) -> tuple[int, Floats]:
-        """Segment of the plan at a time, and joint positions; NaN for NaN."""
-        segment = self._segment(time)
+        Args:
+            time: Time of the plan; for NaN the curves are NaN [s].
+            control: Control points of the curves, shape (s, degree + 1, n).
+        """
+        at = bisect_right(self._times, time) - 1
+        segment = min(max(at, 0), len(self._times) - 2)
         start, end = self._times[segment], self._times[segment + 1]
         share = min(max((time - start) / (end - start), 0.0), 1.0)
-        degree = len(self._chosen) - 1
+        degree = control.shape[1] - 1
         basis = [
-            chosen * share**k * (1.0 - share) ** (degree - k)
-            for k, chosen in enumerate(self._chosen)
+            comb(degree, k) * share**k * (1.0 - share) ** (degree - k)
+            for k in range(degree + 1)
         ]
-        return segment, np.asarray(basis @ self._tube.control[segment])
+        return segment, np.asarray(basis @ control[segment])
 
 
 def tube_of(
@@ -214,19 +222,32 @@ def tube_of(
     return plan.widened(tables, following_error)
 
 
-def needed_times(tube: Tube, tables: SceneTables) -> Floats:
-    """Reaction and stop of each robot in each segment, shape (s, r) [s].
+def time_to_stop(part: RobotPart, speeds: list[float], tables: SceneTables) -> float:
+    """Reaction and stop of a robot's slowest joint; infinite without figures [s].
 
-    From the greatest speeds in the segment; infinite without stopping figures.
+    Args:
+        part: The robot.
+        speeds: Speeds of all joints [rad/s or m/s].
+        tables: The scene.
     """
-    speeds = tube.top_speeds()
-    needed = np.full((len(speeds), len(tables.robots)), inf)
-    for r, part in enumerate(tables.robots):
-        if part.stopping is None:
-            continue
-        for k, own in enumerate(speeds):
-            needed[k, r] = sum(stop_times(part, own, tables))
-    return needed
+    figures, first = part.stopping, part.first_joint
+    if figures is None:
+        return inf
+    stops = (
+        stop_travel(figures, j, speeds[first + j], tables.period, tables.late).time
+        for j in range(part.joint_count)
+    )
+    return max(stops, default=0.0)
+
+
+def position_errors(tables: SceneTables) -> Floats:
+    """Greatest error of each measured joint position, shape (n,) [rad or m]."""
+    errors = np.zeros(len(tables.q_names))
+    for part in tables.robots:
+        if part.stopping is not None:
+            own = slice(part.first_joint, part.first_joint + part.joint_count)
+            errors[own] = part.stopping.position_error
+    return errors
 
 
 def bindings_of(tables: SceneTables) -> tuple[bytes, bytes]:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from armguard.plans.stop_order import StopOrder
 from armguard.prove.paving import NearestPlace, NearInterval
-from armguard.prove.stop_order import StopOrder
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from armguard.plans.certificate import Certificate, scene_hash
 from armguard.plans.plan import ByName, Plan, figures_by_joint
 from armguard.plans.proof import PlanProof
 from armguard.plans.splines import Interpolation
+from armguard.plans.stop_order import stop_order
 from armguard.prove.paving import NearInterval, Paver
-from armguard.prove.stop_order import stop_order
 from armguard.prove.tile_search import LABEL, LOWER, PAIR, PLACE
 from armguard.prove.tube import Tube
 from armguard.prove.tube_tiles import HIGH, LOW

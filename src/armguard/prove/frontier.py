@@ -84,7 +84,7 @@ class Frontier:
         self._decide(np.zeros((0, SPAN)), np.zeros(1, dtype=np.int64), pairs[:0, 0])
 
     def restart(self, time: float) -> None:
-        """Count as proven what lies before a time, and nothing after it.
+        """Begin at a time: nothing after it counts as proven.
 
         Args:
             time: The time; one outside the tube counts as its nearest end [s].
