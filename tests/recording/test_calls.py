@@ -121,6 +121,7 @@ EVENTS = (
 NO_CALLS = {
     *("step", "filter", "filter_positions", "filter_twists", "stop", "solve_programs"),
     *("q", "judge_at_rest", "check_path", "checker", "checkpoint", "restore"),
+    "announce",
     *("knowledge", "forgetting"),
     *("hold", "take_over", "stand_as", "forget_stops"),
 }

@@ -236,3 +236,9 @@ def all_pairs(tables: SceneTables) -> NDArray[np.int32]:
     behind = tables.robot_of_primitive[pairs[:, 0]] < 0
     pairs[behind] = pairs[behind, ::-1]
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+
+def largest_static_need(tables: SceneTables, watch: Watch) -> float:
+    """Upper bound of the static need of any pair, without object motion [m]."""
+    errors = watch.link_error + watch.robot_error
+    return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))

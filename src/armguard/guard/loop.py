@@ -31,10 +31,11 @@ from armguard.guard.grippers import Grippers
 from armguard.guard.grips import grips_of
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding, snapshot
-from armguard.guard.initial import listed_pairs, watch_of
+from armguard.guard.initial import largest_static_need, listed_pairs, watch_of
 from armguard.guard.intent import read_intents
 from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
+from armguard.guard.look_ahead import Outlook
 from armguard.guard.objects import Objects
 from armguard.guard.pace import Pace
 from armguard.guard.planes import PLANE_COUNT
@@ -91,6 +92,7 @@ class Loop:
         self._guarded = any(part.mode != "fixed" for part in tables.robots)
         self._pace = Pace(tables.period, tables.late)
         self._busy = False
+        self._outlook = Outlook()
         self._memory = records((), Memory)
         T_world = np.zeros((len(tables.parent), 12))
         world = world_at_home(tables, T_world)
@@ -255,7 +257,8 @@ class Loop:
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
-        return Verdict(data, self._names, time, elapsed, fault, self._cells_seen(time))
+        about = fault, self._cells_seen(time), self._outlook.last
+        return Verdict(data, self._names, time, elapsed, *about)
 
     def judge_at_rest(self, q: JointVector) -> Verdict:
         """Judge a hypothetical configuration in which nothing moves. Never raises.
@@ -302,16 +305,18 @@ class Loop:
             data[IN_HEADER.joint] = -1.0
         elif reason == OUT_OF_LIMITS:
             fault = likely_mistake(q, self.tables)
+        self._outlook.note(q, data)
         return data, fault
 
     def reset(self) -> None:
         """Clear the last cycle, the last stamps, ordered stops and disproved figures.
 
-        Robots count as at rest. Held objects stay held, and contracts of `allow` stay
-        in force; those by intent end. Where every mode is "fixed", the next verdict
-        does not depend on a reset; only all pairs are measured again.
+        No plan is announced then. Robots count as at rest. Held objects stay held, and
+        contracts of `allow` in force; those by intent end. Where every mode is "fixed",
+        a reset does not change the next verdict; only all pairs are measured again.
         """
         self._memory.measure_all = 1
+        self._outlook.take(None)
         self._input.last_stamp = -np.inf
         for name, fresh in watch_of(self.tables)._asdict().items():
             if name not in KEPT:
@@ -349,6 +354,7 @@ class Loop:
         if self._workspace.octree is not self.index.state:
             self._open_ledger(self._workspace._replace(octree=self.index.state))
         self._memory.measure_all = 1
+        self._outlook.changes += 1
         self._sensed.claim()
 
     def _open_ledger(self, workspace: Workspace) -> None:
@@ -391,9 +397,3 @@ def index_kind(tables: SceneTables) -> int:
         return IndexKind.BRUTE_FORCE
     few = tables.index.kind == "auto" and tables.modelled <= FEW
     return IndexKind.LISTED if few else IndexKind.OCTREE
-
-
-def largest_static_need(tables: SceneTables, watch: Watch) -> float:
-    """Upper bound of the static need of any pair, without object motion [m]."""
-    errors = watch.link_error + watch.robot_error
-    return float(tables.buffers.max(initial=0.0) + 2.0 * errors.max(initial=0.0))

@@ -15,6 +15,7 @@ from armguard.guard.given import NO_POSITIONS
 from armguard.guard.grippers import Grippers
 from armguard.guard.guarded_cycle import run_guarded_cycle
 from armguard.guard.holding import Holding
+from armguard.guard.look_ahead import Announced, LookAhead
 from armguard.guard.loop import Loop
 from armguard.guard.objects import Objects, load_kernels
 from armguard.guard.parts import delegated
@@ -207,6 +208,47 @@ class Monitor(Loop):
             return check_path(array, self._judge_line, resolution, proven)
         finally:
             self._settings.sensed = has_cells
+
+    def announce(
+        self,
+        plan: Announced,
+        start: float,
+        *,
+        following_error: float | Mapping[str, float],
+    ) -> None:
+        """Announce a plan: each verdict then says how long it is proven ahead.
+
+        See `Verdict.ahead` and docs/verify.md. No decision of the guard depends on it.
+        Each cycle proves a bounded part of the rest of the plan; after an object was
+        placed or removed all of it is proven again. Objects count as static where they
+        were placed last. The plan counts until the next one or `reset`. It takes
+        milliseconds, and the first one loads kernels: call it while the arms rest.
+
+        Args:
+            plan: A plan of this scene, an `armguard.Plan` with times.
+            start: Time of the plan's time 0, on the clock of `step` [s].
+            following_error: How far a joint may be off its curve, for all or by name of
+                a robot or of 'robot/joint'; a clock that is off counts as well
+                [rad or m].
+
+        Raises:
+            TrajectoryError: The plan has no times or is of another scene, or a figure
+                is no such figure.
+            SceneError: The scene predicts no stops, or has sensed space.
+
+        Example:
+            >>> import numpy as np
+            >>> import armguard as ag
+            >>> scene = ag.bay_scene("path")
+            >>> guard, times = ag.Guard(scene), np.array([0.0, 1.0])
+            >>> rows = np.array([scene.home, scene.home + 0.01])
+            >>> motion = ag.Trajectory(scene.q_names, rows, times, "a line")
+            >>> guard.announce(ag.Plan.of(motion, scene), 0.0, following_error=0.001)
+            >>> guard.step(guard.home, 0.0).ahead.enough
+            True
+        """
+        world = self._proven, self._watch, self._outlook.changes
+        self._outlook.take(LookAhead(plan, start, following_error, *world))
 
     def _judge_line(self, start: Floats, end: Floats) -> Verdict:
         """Verdict on a straight line in joint space as a whole."""

@@ -62,7 +62,7 @@ class ProvenLines:
         if self.kept is None:
             needed = replace(self.tables, buffers=static_needs_of_groups(self.tables))
             self.kept = Checker(needed)
-        self._place_objects(self.kept, self.placed)
+        self.place_objects(self.kept, self.placed)
         return self.kept.prove(rows[:-1], rows[1:]).proven
 
     def checker(self, threads: int = 1) -> Checker:
@@ -84,13 +84,27 @@ class ProvenLines:
             >>> guard.checker().clear([guard.home]).tolist()
             [True]
         """
+        return self._checker_with(self.tables.buffers, {}, threads)
+
+    def strict_checker(self, placed: dict[str, bytes]) -> Checker:
+        """The same, with distances that the guard requires of measured positions.
+
+        Args:
+            placed: Written for `place_objects`.
+        """
+        return self._checker_with(static_needs_of_groups(self.tables), placed, 1)
+
+    def _checker_with(
+        self, buffers: Floats, placed: dict[str, bytes], threads: int
+    ) -> Checker:
+        """A checker of the world as it is now, with these buffers of groups."""
         changing = ("parent", "T_parent_joint", "checked")
         now = {name: getattr(self.tables, name).copy() for name in changing}
-        checker = Checker(replace(self.tables, **now), threads)
-        self._place_objects(checker, {})
+        checker = Checker(replace(self.tables, **now, buffers=buffers), threads)
+        self.place_objects(checker, placed)
         return checker
 
-    def _place_objects(self, checker: Checker, placed: dict[str, bytes]) -> None:
+    def place_objects(self, checker: Checker, placed: dict[str, bytes]) -> None:
         """Place and remove objects in a checker as they are in the guard.
 
         Args:

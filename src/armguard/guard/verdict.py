@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.guard import layout
+from armguard.guard.ahead import NO_PLAN, Ahead
 from armguard.guard.answer import Answer, Counts, Names, SlotsSeen
 from armguard.guard.budget import Budget, ProtectiveDistance, protective_distance
 from armguard.guard.layout import IN_HEADER, IN_ROBOT
@@ -74,9 +75,10 @@ class Verdict:
         stamp: Stamp, or if given the time, of the cycle [s], or None.
         cycle_time: Duration of the cycle [s]; all else in a verdict is a function of
             the inputs.
+        ahead: How long an announced plan is proven from here on; none of `numbers`.
     """
 
-    __slots__ = ("_data", "_fault", "_names", "_seen", "cycle_time", "stamp")
+    __slots__ = ("_data", "_fault", "_names", "_seen", "ahead", "cycle_time", "stamp")
 
     def __init__(
         self,
@@ -86,11 +88,13 @@ class Verdict:
         cycle_time: float,
         fault: str = "",
         seen: SlotsSeen | None = None,
+        ahead: Ahead = NO_PLAN,
     ) -> None:
         self._data = data
         self._names = names
         self._fault = fault
         self._seen = seen
+        self.ahead = ahead
         self.stamp = stamp
         self.cycle_time = cycle_time
 

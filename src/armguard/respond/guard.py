@@ -304,7 +304,7 @@ class Guard(Monitor):
         finally:
             self._busy = False
         elapsed = (self._clock() - start) * 1e-9
-        about = fault or refused, self._cells_seen(time)
+        about = fault or refused, self._cells_seen(time), self._outlook.last
         verdict = Verdict(data, self._names, time, elapsed, *about)
         return Command(numbers, self.tables.robots, verdict)
 
