@@ -9,13 +9,13 @@ import pinocchio as pin
 
 import armguard as ag
 from armguard.maps.cell_plan import CellPlan
-from armguard.maps.online import RUN_UP, Conveyor, LinePlan, Track
+from armguard.maps.line_cell import RUN_UP, Conveyor, LinePlan, Track
 from armguard.plans.coal_world import CoalWorld
 from armguard.respond.tool import Tool, tool_of
 from armguard.scene import Scene, SceneTables, Trajectory
 from arrays import Floats
 from batch_planning import primitives_of
-from peers.pinocchio_coal import build_models, transform
+from peers.pinocchio_coal import build_models
 
 ROBOTS = ("left", "right")
 
@@ -29,17 +29,18 @@ ALONG = (-0.2, 0.2)
 REST = {"panda_joint2": -1.4, "panda_joint4": -2.6, "panda_joint6": 1.6}
 
 # The belt as it is declared, and the speed that plans are made for [m/s].
-CONVEYOR, MADE_FOR = Conveyor(0.15, 0.25), 0.3
+CONVEYOR, MADE_FOR = Conveyor(0.155, 0.245), 0.3
 
 # Joints go at about this speed on their ways to and from the belt [rad/s], with stops
 # in between of so long [s].
 PACE, LEAST = 0.6, 0.8
 
-# How long plans follow an item, and time between two rows meanwhile [s].
-FOLLOWS, EVERY = 1.0, 0.1
+# How long plans follow an item, and slow down behind that, and time between two rows
+# meanwhile [s].
+FOLLOWS, SLOWS, EVERY = 1.0, 0.5, 0.1
 
 # Where arms may begin to follow, along y from their bases [m].
-FIRST = (-0.22, -0.08, 0.06)
+FIRST = (-0.15, 0.05)
 
 # Height of tools while they grip, and above [m].
 LOW, HIGH = 0.12, 0.24
@@ -172,12 +173,14 @@ def pick(robot: int, first: float, across: float, place: list[float]) -> LinePla
         across: Where the item is on the belt, x [m].
         place: Where it is placed, x and y [m].
     """
-    follow = np.arange(-RUN_UP, FOLLOWS + 0.3, EVERY)
-    along = first + MADE_FOR * follow
+    follow = np.arange(-RUN_UP, FOLLOWS + SLOWS, EVERY)
+    late = np.maximum(follow - FOLLOWS, 0.0)
+    along = first + MADE_FOR * (follow - late**2 / (2.0 * SLOWS))
     # Down before the item is gripped, up behind it.
-    down = np.interp(follow, [-0.3, 0.3, FOLLOWS, FOLLOWS + 0.3], [1, 0, 0, 0.3])
+    share = np.clip((follow + 0.3) / 0.6, 0.0, 1.0)
+    up = 1.0 - share**2 * (3.0 - 2.0 * share) + 0.5 * (late / SLOWS) ** 2
     belt = np.column_stack(
-        (np.full_like(along, across), along, LOW + (HIGH - LOW) * down)
+        (np.full_like(along, across), along, LOW + (HIGH - LOW) * up)
     )
     over, at = [*place, HIGH], [*place, LOW]
     goals = np.vstack((belt, [over, at, over]))
@@ -196,7 +199,10 @@ def pick(robot: int, first: float, across: float, place: list[float]) -> LinePla
 
 
 def plans_of(seed: int) -> dict[str, LinePlan]:
-    """Plans of each arm, one for each place at which it may begin to follow."""
+    """Plans of each arm, one for each place at which it may begin to follow.
+
+    A last one goes the same way without an item.
+    """
     rng, found = np.random.default_rng([seed, 95]), dict[str, LinePlan]()
     for robot, name in enumerate(ROBOTS):
         side = -1.0 if robot == 0 else 1.0
@@ -206,4 +212,5 @@ def plans_of(seed: int) -> dict[str, LinePlan]:
         for first in FIRST:
             one = pick(robot, ALONG[robot] + first, across, place)
             found[f"{name} at {first:+.2f}"] = one
+        found[f"{name} without item"] = LinePlan(name, one.plan)
     return found

@@ -7,36 +7,21 @@ the item on the belt, so no robot has to wait there.
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from math import ceil, inf, isfinite, sqrt
-from typing import Self
+from math import ceil, inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import did_you_mean
-from armguard.maps.cell_plan import CellPlan, CoordinationError, joints_of
-from armguard.maps.coordination import Coordinator
-from armguard.maps.right_of_way import STEP, Crossing, Order
-from armguard.prove.tube import Tube
-from armguard.scene import Scene
-from armguard.scene.tables import SceneTables
+from armguard.maps.cell_plan import CoordinationError, joints_of
+from armguard.maps.lane import Lane, curve_at, pace_before
+from armguard.maps.line_cell import GRIP, RATE, Job, LineCell
+from armguard.maps.right_of_way import STEP, Hold, Order
 
 Floats = NDArray[np.float64]
 
-# Greatest change of a pace [1/s].
-RATE = 4.0
-
-# Time that a robot slows down in, and recovers its pace in before it slows down again,
-# counted in time of its plan [s].
-SPARE = 1.5 / RATE
-
-# Time on the plan in which a robot at rest catches up with an item [s].
-RUN_UP = 0.7
-
-# An item is picked if the tool is so near to its place [m] for so long [s].
-NEAR, GRIP = 0.005, 0.2
+# An item is picked if the tool is so near to its place [m].
+NEAR = 0.005
 
 # Time between two looks for another order, and what that has to save [s].
 LOOKS, GAIN = 0.25, 0.5
@@ -47,179 +32,6 @@ EARLY = 0.3
 # Paces that differ by less are the same [-].
 SAME = 1e-3
 
-# Plans of a robot begin and end so near to each other [rad or m].
-JOINED = 1e-3
-
-# Tiles of diagrams are not divided below this [s].
-FINEST = STEP
-
-
-@dataclass(frozen=True, slots=True)
-class Track:
-    """The part of a plan that follows an item on the belt.
-
-    Attributes:
-        start: Where it begins, in time of the plan [s].
-        end: Where it ends; the item is gripped in its last GRIP seconds [s].
-        at: Place of the item on the belt at `start` [m].
-        speed: Speed of the belt for which the plan is made [m/s].
-    """
-
-    start: float
-    end: float
-    at: float
-    speed: float
-
-
-@dataclass(frozen=True, slots=True)
-class LinePlan:
-    """A plan that jobs use.
-
-    Attributes:
-        robot: Its robot.
-        plan: What that executes.
-        track: The part that follows the belt, if there is one.
-    """
-
-    robot: str
-    plan: CellPlan
-    track: Track | None = None
-
-    @property
-    def reserved(self) -> tuple[float, float] | None:
-        """Where the robot cannot wait, from the start of the plan [s]."""
-        if self.track is None:
-            return None
-        first = self.plan.plan.tube.times[0]
-        start = self.track.start - RUN_UP - first
-        return STEP * int(start / STEP), self.track.end + 0.5 / RATE - first
-
-
-@dataclass(frozen=True, slots=True)
-class Conveyor:
-    """A belt.
-
-    Attributes:
-        slowest: Its least speed [m/s].
-        fastest: Its greatest speed [m/s].
-    """
-
-    slowest: float
-    fastest: float
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """A job that has arrived.
-
-    Attributes:
-        number: Its number.
-        plans: Names of plans that can do it, that which is preferred first.
-        offset: Place on the belt at which its item arrived [m].
-        travel: How far the belt had moved then [m].
-    """
-
-    number: int
-    plans: tuple[str, ...]
-    offset: float = 0.0
-    travel: float = 0.0
-
-
-@dataclass(slots=True)
-class Lane:
-    """A robot, and how far it is.
-
-    Attributes:
-        robot: Its name.
-        plan: Name of the plan that it executes, or at an end of which it rests.
-        place: Where on it, from its start [s].
-        pace: Pace, as a share of the plan's [-].
-        job: What it executes; None if it rests.
-        queue: Jobs that wait.
-        tried: How many plans of the first of these would come too late.
-        tries_at: Time before which they are not tried again [s].
-        yields: Whether it is slower because of the other robot.
-        lost: Whether the item of its job is missed.
-        apart: Greatest distance of tool and item while this is gripped [m].
-    """
-
-    robot: str
-    plan: str
-    place: float = 0.0
-    pace: float = 0.0
-    job: Job | None = None
-    queue: deque[Job] = field(default_factory=deque)
-    tried: int = 0
-    tries_at: float = -inf
-    yields: bool = False
-    lost: bool = False
-    apart: float = 0.0
-
-    @property
-    def stop(self) -> float:
-        """Where it can stop [s]."""
-        return self.place + 0.5 * self.pace**2 / RATE
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LineCell:
-    """What is known of two robots before jobs arrive.
-
-    Attributes:
-        robots: The robots.
-        plans: Plans that jobs use, by name.
-        conveyor: The belt, if there is one.
-        crossings: Of each plan of the first robot and each of the second.
-        q_names: Names of all joints of the scene.
-    """
-
-    robots: tuple[str, str]
-    plans: Mapping[str, LinePlan]
-    conveyor: Conveyor | None
-    crossings: Mapping[tuple[str, str], Crossing]
-    q_names: tuple[str, ...]
-
-    @classmethod
-    def of(
-        cls,
-        scene: Scene | SceneTables,
-        plans: Mapping[str, LinePlan],
-        *,
-        conveyor: Conveyor | None = None,
-        floor: float = 0.0,
-    ) -> Self:
-        """Prove which parts of plans may be executed together.
-
-        Args:
-            scene: The scene, or its tables.
-            plans: See `plans`.
-            conveyor: See `conveyor`.
-            floor: Least distance that links of both robots have to keep [m].
-
-        Raises:
-            CoordinationError: There are not two robots, a plan cannot follow the belt,
-                the plans of a robot do not join, or one begins or ends where the other
-                robot passes.
-            TrajectoryError: A plan is none of its robot.
-        """
-        robots = tuple(dict.fromkeys(one.robot for one in plans.values()))
-        if len(robots) != 2:
-            raise CoordinationError(
-                f"there are plans of {', '.join(robots) or 'no robot'}; coordination "
-                "on line is of two robots"
-            )
-        check_tracks(plans, conveyor)
-        coordinator = Coordinator(scene, robots, floor=floor)
-        names = coordinator.tables.q_names
-        check_joined(plans, names)
-        own = [[n for n, one in plans.items() if one.robot == r] for r in robots]
-        crossings = {
-            (a, b): crossing_of(coordinator, a, b, plans)
-            for a in own[0]
-            for b in own[1]
-        }
-        return cls((robots[0], robots[1]), dict(plans), conveyor, crossings, names)
-
 
 class Line:
     """Two robots that execute jobs beside each other.
@@ -227,11 +39,12 @@ class Line:
     Attributes:
         cell: What is known of them.
         lanes: Both robots.
-        order: Who goes first where.
+        queue: Jobs that wait.
+        order: Which robot waits where for which.
         finished: Numbers of jobs that are done, each with the item's greatest distance
             from the tool while it was gripped, 0 without an item [m].
         missed: Numbers of jobs whose item was not picked.
-        events: What was decided, in words, to be taken away by whoever reads it.
+        events: What was decided, in words, to be taken away by the caller.
         fault: Why both robots stop, in words; empty if they need not.
 
     Args:
@@ -251,6 +64,7 @@ class Line:
         )
         tube = self.plans[first[0]].plan.plan.tube
         self._home = tube.at(tube.times[:1])[0]
+        self.queue: deque[Job] = deque()
         self._gain, self._speed, self._travel = gain, 0.0, 0.0
         self._now, self._look, self._turn = -inf, -inf, 0
         self.finished: dict[int, float] = {}
@@ -262,7 +76,7 @@ class Line:
     @property
     def idle(self) -> bool:
         """Whether no job is left."""
-        return not any(lane.job or lane.queue for lane in self.lanes)
+        return not self.queue and not any(lane.job for lane in self.lanes)
 
     @property
     def rests(self) -> bool:
@@ -273,21 +87,17 @@ class Line:
         """Add a job that has arrived.
 
         Raises:
-            CoordinationError: It has no plan, an unknown one, or plans of two robots.
+            CoordinationError: It has no plan, or an unknown one.
         """
+        if not job.plans:
+            raise CoordinationError(f"job {job.number} has no plan; give one")
         for name in job.plans:
             if name not in self.plans:
                 raise CoordinationError(
                     f"job {job.number}: '{name}' is no plan; "
                     f"{did_you_mean(name, self.plans)}"
                 )
-        robots = {self.plans[name].robot for name in job.plans}
-        if len(robots) != 1:
-            raise CoordinationError(
-                f"job {job.number}: its plans are of {', '.join(robots) or 'no robot'};"
-                " give plans of one robot"
-            )
-        next(lane for lane in self.lanes if lane.robot in robots).queue.append(job)
+        self.queue.append(job)
 
     def motion(self) -> tuple[Floats, Floats]:
         """Joint positions and velocities of all robots now, each shape (n,)."""
@@ -365,56 +175,86 @@ class Line:
         return track.start - first + (on_belt - track.at) / track.speed
 
     def _begin(self) -> None:
-        """Begin jobs of robots that rest, with the first plan that comes in time.
-
-        In a cycle one plan of a robot is tried.
-        """
+        """Begin a job with the first plan that comes in time; a cycle tries one."""
+        self._drop_passed()
         for k, lane in enumerate(self.lanes):
-            if lane.job is not None or not lane.queue or self._now < lane.tries_at:
+            if lane.job is not None or self._now < lane.tries_at:
+                continue
+            # The job that is under way goes first where both arrive together.
+            ways = [
+                (job, name, first)
+                for job in self.queue
+                for name in job.plans
+                if self.plans[name].robot == lane.robot
+                for first in (1 - k, k)
+            ]
+            if lane.tried >= len(ways):
+                lane.tried, lane.tries_at = 0, self._now + LOOKS
                 continue
             before = lane.plan, lane.place
-            job = lane.queue[0]
-            lane.job, lane.place, lane.lost, lane.apart = job, 0.0, False, 0.0
-            lane.plan = job.plans[lane.tried]
-            # The job that is under way goes first where both arrive together.
-            found = self._order(1 - k)
-            if not self._comes_in_time(k, found):
-                lane.tried += 1
-                if lane.tried == len(job.plans):
-                    if not self._comes_in_time(k, None):
-                        self._miss(lane)
-                        lane.queue.popleft()
-                    lane.tried, lane.tries_at = 0, self._now + LOOKS
+            job, name, first = ways[lane.tried]
+            lane.job, lane.plan, lane.place = job, name, 0.0
+            lane.lost, lane.apart = False, 0.0
+            found = self._order(first)
+            if not self._in_time(found):
                 lane.job, (lane.plan, lane.place) = None, before
-                continue
-            lane.queue.popleft()
+                lane.tried += 1
+                return
+            self.queue.remove(job)
             # The order so far is that of another plan.
             self.order, self._look, lane.tried = found, self._now + LOOKS, 0
-            self.events.append(f"{lane.robot} begins job {job.number}, {lane.plan}")
+            self.events.append(f"{lane.robot} begins job {job.number}, {name}")
             return
+
+    def _drop_passed(self) -> None:
+        """Drop a job whose item no robot can catch any more."""
+        for job in tuple(self.queue):
+            belt = self.conveyor
+            ends = [
+                track.at + track.lag(self._speed) * track.speed
+                for track in (self.plans[name].track for name in job.plans)
+                if track is not None and belt is not None
+            ]
+            on_belt = job.offset + self._travel - job.travel
+            if len(ends) == len(job.plans) and on_belt > max(ends):
+                self.queue.remove(job)
+                self.missed.append(job.number)
+                self.events.append(f"no robot reaches the item of job {job.number}")
+
+    def _in_time(self, order: Order) -> bool:
+        """Whether both robots catch their items."""
+        return all(self._comes_in_time(k, order) for k in (0, 1))
 
     def _comes_in_time(self, k: int, order: Order | None) -> bool:
         """Whether a robot catches its item, this as fast as it may be.
 
         Args:
             k: The robot, 0 or 1.
-            order: Who goes first where; None without the other robot.
+            order: Which robot waits where for which; None without the other robot.
         """
         lane = self.lanes[k]
         item, belt, one = self._item(lane), self.conveyor, self.plans[lane.plan]
         if item is None or belt is None or one.track is None or one.reserved is None:
             return True
         nodes, goal = self._nodes(), ceil(one.reserved[0] / STEP - SAME)
+        if nodes[k] > goal:
+            return True
         steps = goal - nodes[k]
         if order is not None:
             goals = [len(needs) for needs in order.needs]
-            goals[k] = goal
-            steps = order.steps(nodes, self._holds(), (goals[0], goals[1]))[k]
+            # It has to be let into the part in which it cannot wait.
+            goals[k] = goal + 1
+            # The other robot's item may be as slow as it can be.
+            holds = [self._hold(one, belt.slowest) for one in self.lanes]
+            holds[k] = self._hold(lane, belt.fastest)
+            ends = goals[0], goals[1]
+            steps = order.steps(nodes, (holds[0], holds[1]), ends)[k] - 1
+            steps -= holds[k][2]
         comes = item + STEP * steps * belt.fastest / one.track.speed
-        return comes <= one.reserved[0] + self._lag(one.track, belt.fastest)
+        return comes <= one.reserved[0] + one.track.lag(belt.fastest)
 
     def _look_again(self) -> None:
-        """Take up another order if that saves enough, and nobody yields now."""
+        """Take up another order if that saves enough and no robot yields now."""
         if self._gain > 0.0 and any(lane.yields for lane in self.lanes):
             return
         cost = self._cost(self.order)
@@ -423,7 +263,7 @@ class Line:
         self._turn = 1 - self._turn
         found = self._order(self._turn)
         saves = cost - self._cost(found)
-        if saves > self._gain:
+        if saves > self._gain and self._in_time(found):
             self.order = found
             self.events.append(f"another order, which saves {saves:.1f} s")
 
@@ -451,10 +291,11 @@ class Line:
         k, m = self.cell.crossings[a.plan, b.plan].blocked.shape
         return min(self._node(a), k), min(self._node(b), m)
 
-    def _holds(self) -> tuple[int, int]:
-        """Steps in which each robot has time."""
+    def _holds(self) -> tuple[Hold, Hold]:
+        """What keeps each robot back by its item, this as fast as it may be."""
         a, b = self.lanes
-        return self._hold(a), self._hold(b)
+        speed = self.conveyor.fastest if self.conveyor else 0.0
+        return self._hold(a, speed), self._hold(b, speed)
 
     def _node(self, lane: Lane) -> int:
         """Node at which a robot can stop; past the part in which it cannot wait."""
@@ -464,19 +305,20 @@ class Line:
             stop = reserved[1]
         return ceil(stop / STEP - SAME)
 
-    def _hold(self, lane: Lane) -> int:
-        """Steps in which a robot has time, its item as fast as it may be."""
-        item, belt = self._item(lane), self.conveyor
+    def _hold(self, lane: Lane, speed: float) -> Hold:
+        """What keeps a robot back by its item, at a speed of the belt."""
+        item = self._item(lane)
         reserved, track = self.plans[lane.plan].reserved, self.plans[lane.plan].track
-        if lane.job is None:
-            return 0
-        if item is None or belt is None or reserved is None or track is None:
-            return 0
-        left = reserved[0] - lane.place
-        if left <= 0.0:
-            return 0
-        comes = (reserved[0] - item) * track.speed / belt.fastest
-        return max(int((comes - left - EARLY) / STEP), 0)
+        if item is None or reserved is None or track is None:
+            return 0, 0, 0
+        pace = speed / track.speed
+        if lane.place > reserved[0]:
+            left = max(reserved[1] - lane.place, 0.0)
+            return ceil(left / pace / STEP), 0, 0
+        comes = (reserved[0] - item) / pace - (reserved[0] - lane.place)
+        slower = (reserved[1] - reserved[0]) * (1.0 / pace - 1.0)
+        node = ceil(reserved[0] / STEP - SAME)
+        return max(int((comes - EARLY) / STEP), 0), node, ceil(slower / STEP)
 
     def _advance(self, k: int, lane: Lane, other: float, dt: float) -> None:
         """Let a robot go on for a cycle."""
@@ -513,21 +355,18 @@ class Line:
         if lane.place >= one.track.end - first:
             return 1.0
         start = one.reserved[0]
+        if lane.place == 0.0 and self._hold(lane, self._speed)[0] > 0:
+            # It rests clear of the other robot as long as it can.
+            return 0.0
         if lane.place <= start:
             if item < start:
                 return pace_before(start - lane.place, dt)
-            if item > start + self._lag(one.track, self._speed):
+            if item > start + one.track.lag(self._speed):
                 self._miss(lane)
                 return 1.0
         pace = self._speed / one.track.speed
         ahead = item + pace * dt - lane.place
         return pace + pace_before(ahead - pace * dt, dt) if ahead > 0.0 else 0.0
-
-    def _lag(self, track: Track, speed: float) -> float:
-        """How far an item may be ahead and still be caught in time [s of the plan]."""
-        pace = speed / track.speed
-        time = track.end - GRIP - track.start
-        return max(time, 0.0) * (1.0 - pace)
 
     def _grip(self, lane: Lane, dt: float) -> None:
         """Note how far the tool is from the item while it grips it."""
@@ -555,98 +394,3 @@ class Line:
         self.finished[lane.job.number] = lane.apart
         self.events.append(f"{lane.robot} has done job {lane.job.number}")
         lane.place, lane.pace, lane.job, lane.yields = end, 0.0, None, False
-
-
-def curve_at(tube: Tube, time: float) -> tuple[Floats, Floats]:
-    """Positions [rad or m] and velocities of a tube's curves, each shape (n,)."""
-    k = int(np.searchsorted(tube.times, time, side="right")) - 1
-    k = min(max(k, 0), len(tube.control) - 1)
-    start, end = tube.times[k : k + 2]
-    share, points = min(max((time - start) / (end - start), 0.0), 1.0), tube.control[k]
-    # De Casteljau's scheme; the last two points are on the tangent.
-    while len(points) > 2:
-        points = points[:-1] + share * (points[1:] - points[:-1])
-    rate = tube.degree * (points[1] - points[0]) / (end - start)
-    return points[0] + share * (points[1] - points[0]), rate
-
-
-def pace_before(left: float, dt: float) -> float:
-    """Greatest pace from which a robot can stop in time [-].
-
-    Args:
-        left: Time of the plan that is left after which it has to rest [s].
-        dt: Time until it can slow down [s].
-    """
-    if left == inf:
-        return 1.0
-    return RATE * (sqrt(dt * dt + 2.0 * max(left, 0.0) / RATE) - dt)
-
-
-def crossing_of(
-    coordinator: Coordinator, a: str, b: str, plans: Mapping[str, LinePlan]
-) -> Crossing:
-    """The crossing of two plans.
-
-    Raises:
-        CoordinationError: One begins or ends where the other robot passes.
-    """
-    both = plans[a], plans[b]
-    cell = coordinator.map({one.robot: one.plan for one in both}, resolution=FINEST)
-    crossing = Crossing(cell.diagrams[0], [one.reserved for one in both], SPARE)
-    for axis, (name, other) in enumerate(((a, b), (b, a))):
-        grid = crossing.blocked if axis == 0 else crossing.blocked.T
-        for end, where in ((0, "begins"), (-1, "ends")):
-            if grid[end].any():
-                raise CoordinationError(
-                    f"plan '{name}' {where} where plan '{other}' passes; let it "
-                    f"{where.removesuffix('s')} clear of the other robot"
-                )
-    return crossing
-
-
-def check_tracks(plans: Mapping[str, LinePlan], conveyor: Conveyor | None) -> None:
-    """Refuse plans that cannot follow the belt.
-
-    Raises:
-        CoordinationError: A part that follows it is none, or no belt is declared.
-    """
-    for name, one in plans.items():
-        track = one.track
-        if track is None:
-            continue
-        if conveyor is None:
-            raise CoordinationError(
-                f"plan '{name}' follows a belt, but there is no conveyor; declare it"
-            )
-        first, last = one.plan.plan.tube.times[[0, -1]]
-        if not first + RUN_UP <= track.start < track.end - GRIP or track.end > last:
-            raise CoordinationError(
-                f"plan '{name}': it follows the belt from {track.start:g} s to "
-                f"{track.end:g} s; it must begin {RUN_UP:g} s after the plan, take "
-                f"more than {GRIP:g} s, and end within it"
-            )
-        if not track.speed > conveyor.fastest:
-            raise CoordinationError(
-                f"plan '{name}': it is made for {track.speed:g} m/s, the belt moves at "
-                f"up to {conveyor.fastest:g} m/s; make it for a faster belt, so that "
-                "the robot can catch up"
-            )
-
-
-def check_joined(plans: Mapping[str, LinePlan], names: Sequence[str]) -> None:
-    """Refuse plans of a robot that do not begin where the others end.
-
-    Raises:
-        CoordinationError: They do not.
-    """
-    ends: dict[str, tuple[str, Floats]] = {}
-    for name, one in plans.items():
-        tube, own = one.plan.plan.tube, joints_of(tuple(names), one.robot)
-        for q in tube.at(tube.times[[0, -1]])[:, own]:
-            other, known = ends.setdefault(one.robot, (name, q))
-            off = float(np.abs(q - known).max())
-            if off > JOINED:
-                raise CoordinationError(
-                    f"plan '{name}' of {one.robot} begins or ends {off:.3f} rad or m "
-                    f"from where '{other}' begins; give both the same rest position"
-                )

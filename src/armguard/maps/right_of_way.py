@@ -22,13 +22,16 @@ Nodes = NDArray[np.intp]
 # Side of a cell [s].
 STEP = 0.1
 
+# What keeps a robot back by itself: steps before it goes on, a node, steps at that.
+Hold = tuple[int, int, int]
+
 # The later robot needs so many steps more than there are cells, at most.
 LONGEST = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Order:
-    """Who waits where for whom.
+    """Which robot waits where for which.
 
     Attributes:
         first: Robot that goes first where both arrive together, 0 or 1.
@@ -56,7 +59,7 @@ class Order:
     def steps(
         self,
         nodes: tuple[int, int],
-        holds: tuple[int, int],
+        holds: tuple[Hold, Hold],
         goals: tuple[int, int] | None = None,
     ) -> tuple[int, int]:
         """Steps after which each robot is where it goes, at its plan's pace.
@@ -68,10 +71,16 @@ class Order:
         """
         (i, j), one, other = nodes, self.needs[0].tolist(), self.needs[1].tolist()
         k, m = (len(one), len(other)) if goals is None else goals
-        first, second, ends = *holds, [0, 0]
-        for t in range(LONGEST * (len(one) + len(other)) + sum(holds)):
+        (first, at, rest), (second, there, pause) = holds
+        ends, most = [0, 0], LONGEST * (len(one) + len(other))
+        for t in range(most + first + rest + second + pause):
             a = i < k and t >= first and one[i] <= j
-            if j < m and t >= second and other[j] <= i:
+            b = j < m and t >= second and other[j] <= i
+            if a and rest and i == at:
+                a, rest = False, rest - 1
+            if b and pause and j == there:
+                b, pause = False, pause - 1
+            if b:
                 j, ends[1] = j + 1, t + 1
             elif i >= k and j >= m:
                 break
@@ -80,11 +89,11 @@ class Order:
         return ends[0], ends[1]
 
     def delays(
-        self, nodes: tuple[int, int], holds: tuple[int, int]
+        self, nodes: tuple[int, int], holds: tuple[Hold, Hold]
     ) -> tuple[float, float]:
         """How long each robot is delayed by the other [s]; see `Crossing.order`."""
         late = [
-            STEP * max(end - (len(needs) - node + hold), 0)
+            STEP * max(end - (len(needs) - node + hold[0] + hold[2]), 0)
             for end, needs, node, hold in zip(
                 self.steps(nodes, holds), self.needs, nodes, holds, strict=True
             )
@@ -122,18 +131,14 @@ class Crossing:
             Safe(blocked),
         ]
 
-    def deadlock(self, nodes: tuple[int, int]) -> bool:
-        """Whether the ends of both plans cannot be reached from a node."""
-        return not self._safe[1].reaches(*nodes)
-
     def order(
-        self, nodes: tuple[int, int], holds: tuple[int, int], first: int
+        self, nodes: tuple[int, int], holds: tuple[Hold, Hold], first: int
     ) -> Order | None:
         """The order in which both go as soon as they can; None if there is no way.
 
         Args:
             nodes: Where each can stop [cells].
-            holds: Steps in which each has time before it has to go on.
+            holds: What keeps each back by itself.
             first: Robot that goes first where both arrive together.
         """
         for tight, safe in enumerate(self._safe):
@@ -166,10 +171,10 @@ class Safe:
 
     def reaches(self, i: int, j: int) -> bool:
         """Whether both ends can be reached from a node."""
-        return self._safe[i * self._width + j] == 1
+        return bool(self._safe[i * self._width + j])
 
     def way(
-        self, nodes: tuple[int, int], holds: tuple[int, int], first: int
+        self, nodes: tuple[int, int], holds: tuple[Hold, Hold], first: int
     ) -> Nodes | None:
         """Nodes of the way on which both go whenever the ends can still be reached.
 
@@ -180,10 +185,15 @@ class Safe:
             return None
         found, at = [(i, j)], i * width + j
         both, one, other = self._both, self._one, self._other
-        for t in range(LONGEST * (k + m) + sum(holds)):
+        (late, node, rest), (later, there, pause) = holds
+        for t in range(LONGEST * (k + m) + late + rest + later + pause):
             if i == k and j == m:
                 return np.array(found, dtype=np.intp)
-            goes, follows = t >= holds[0], t >= holds[1]
+            goes, follows = t >= late, t >= later
+            if goes and rest and i == node:
+                goes, rest = False, rest - 1
+            if follows and pause and j == there:
+                follows, pause = False, pause - 1
             a, b = goes and one[at], follows and other[at]
             if goes and follows and both[at]:
                 a = b = True
