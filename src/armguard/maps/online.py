@@ -65,7 +65,7 @@ class Line:
         tube = self.plans[first[0]].plan.plan.tube
         self._home = tube.at(tube.times[:1])[0]
         self.queue: deque[Job] = deque()
-        self._gain, self._speed, self._travel = gain, 0.0, 0.0
+        self._gain, self._dt, self._speed, self._travel = gain, 0.0, 0.0, 0.0
         self._now, self._look, self._turn = -inf, -inf, 0
         self.finished: dict[int, float] = {}
         self.missed: list[int] = []
@@ -128,8 +128,8 @@ class Line:
         Returns:
             Whether anything moves, or may move.
         """
-        dt = min(now - self._now, STEP) if self._now > -inf else 0.0
         self._take(now, travel, speed)
+        dt = self._dt
         if not self.fault:
             self._begin()
             if now >= self._look:
@@ -148,17 +148,21 @@ class Line:
     def _take(self, now: float, travel: float, speed: float) -> None:
         """Take in time and belt; both stop where these cannot be right."""
         belt = self.conveyor
-        if not (isfinite(now) and now >= self._now):
+        if isfinite(now) and now >= self._now:
+            self._dt = min(now - self._now, STEP) if self._now > -inf else 0.0
+            self._now = now
+        else:
+            # It slows down as if a cycle had passed.
             self._stop(f"time went from {self._now:g} s to {now:g} s")
-        elif belt and not belt.slowest <= speed <= belt.fastest:
+        if belt and not belt.slowest <= speed <= belt.fastest:
             self._stop(
                 f"the conveyor moves at {speed:.3f} m/s, declared are "
                 f"{belt.slowest:g} to {belt.fastest:g} m/s; slow it down, or declare it"
             )
-        elif belt and not isfinite(travel):
+        if belt and not isfinite(travel):
             self._stop(f"the conveyor is at {travel:g} m; measure it")
         if not self.fault:
-            self._now, self._travel, self._speed = now, travel, speed
+            self._travel, self._speed = travel, speed
 
     def _stop(self, why: str) -> None:
         if not self.fault:
