@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | fleet-campaign | sensing | sense-campaign | freedom | sensors-campaign | sensor-faults | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | coordinate-campaign | fleet-campaign | sensing | sense-campaign | freedom | sensors-campaign | sensor-faults | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign fleet-campaign sensing sense-campaign freedom sensors-campaign sensor-faults coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign coordinate-campaign fleet-campaign sensing sense-campaign freedom sensors-campaign sensor-faults coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -92,6 +92,9 @@ verify-campaign: .venv/dev
 # Maps and schedules of two arms against Coal; writes docs/map.*
 map-campaign: .venv/dev
 	$(BIN)/python benchmarks/map_campaign.py $(ARGS)
+
+coordinate-campaign: .venv/dev
+	$(BIN)/python benchmarks/coordinate_campaign.py $(ARGS)
 
 # Audits of many episodes by every engine, with workers killed; writes docs/fleet.*
 fleet-campaign: .venv/dev

@@ -23,6 +23,7 @@ COMMANDS = {
     "freedom": "make freedom ARGS=\"--kind 'PART'\"",
     "reach": "make reach",
     "map": "make map-campaign ARGS=\"--kind 'PART'\"",
+    "coordinate": "make coordinate-campaign ARGS=\"--kind 'PART'\"",
     "verify": 'make verify-campaign ARGS="--kind PART"',
     "soak": 'make soak ARGS="--kind PART"',
     "motion": 'make motion ARGS="--part PART"',

@@ -190,13 +190,10 @@ def waits_for(blocked: Bools, way: Nodes, one: Axis, other: Axis) -> list[Interl
         one: The robot on the first axis.
         other: The robot on the second, which waits.
     """
-    k = len(blocked)
     # Node of the first robot when the second leaves each of its nodes.
     passed = way[np.flatnonzero(np.diff(way[:, 1]) > 0), 0]
-    behind = blocked & (np.arange(k)[:, None] < passed)
     # What the first has to have passed before the second goes on from each node.
-    last = np.where(behind.any(axis=0), k - np.argmax(behind[::-1], axis=0), 0)
-    needed = np.maximum.accumulate(last)
+    needed = np.maximum.accumulate(last_before(blocked, passed))
     found, done = list[Interlock](), 0
     while needed[-1] > done:
         at = int(np.argmax(needed > done))
@@ -204,3 +201,16 @@ def waits_for(blocked: Bools, way: Nodes, one: Axis, other: Axis) -> list[Interl
         until = min(one.time(done) + CLEAR, one.end)
         found.append(Interlock(other, other.time(at) - CLEAR, one, until))
     return found
+
+
+def last_before(blocked: Bools, passed: Nodes) -> Nodes:
+    """Node behind the last blocked cell of each column before a node, 0 without any.
+
+    Args:
+        blocked: Cells, shape (k, m).
+        passed: That node of each column, shape (m,).
+    """
+    k = len(blocked)
+    behind = blocked & (np.arange(k)[:, None] < passed)
+    found = np.where(behind.any(axis=0), k - np.argmax(behind[::-1], axis=0), 0)
+    return np.asarray(found, dtype=np.intp)

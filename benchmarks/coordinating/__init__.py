@@ -1,0 +1,1 @@
+"""Two arms beside a belt, and what judges their coordination on line."""

@@ -1,0 +1,216 @@
+"""Two Pandas at a belt, and random plans that pick from it and place at its sides."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+import armguard as ag
+from armguard.maps.cell_plan import CellPlan
+from armguard.maps.line_cell import RUN_UP, Conveyor, LinePlan, Track
+from armguard.plans.coal_world import CoalWorld
+from armguard.respond.tool import Tool, tool_of
+from armguard.scene import Scene, SceneTables, Trajectory
+from arrays import Floats
+from batch_planning import primitives_of
+from peers.pinocchio_coal import build_models
+
+ROBOTS = ("left", "right")
+
+# Distance of each arm from the middle of the belt [m]; items arrive at y = BEGIN [m].
+ASIDE, BEGIN = 0.52, -1.6
+
+# How far each arm is along the belt, y [m].
+ALONG = (-0.2, 0.2)
+
+# Where arms rest, drawn back from the belt [rad].
+REST = {"panda_joint2": -1.4, "panda_joint4": -2.6, "panda_joint6": 1.6}
+
+# The belt as it is declared, and the speed that plans are made for [m/s].
+CONVEYOR, MADE_FOR = Conveyor(0.155, 0.245), 0.3
+
+# Joints go at about this speed on their ways to and from the belt [rad/s], with stops
+# in between of so long [s].
+PACE, LEAST = 0.6, 0.8
+
+# How long plans follow an item, and slow down behind that, and time between two rows
+# meanwhile [s].
+FOLLOWS, SLOWS, EVERY = 1.0, 0.5, 0.1
+
+# Where arms may begin to follow, along y from their bases [m].
+FIRST = (-0.15, 0.05)
+
+# Height of tools while they grip, and above [m].
+LOW, HIGH = 0.12, 0.24
+
+# Links of both arms keep this distance [m].
+FLOOR = 0.03
+
+# Joints are so far off [rad], clocks so late [s].
+FOLLOWING, SKEW = 0.005, 0.02
+
+# Period of a cycle [s].
+PERIOD = 0.008
+
+# Inverse kinematics: steps, damping, the error that ends it [m and rad], and the
+# greatest step of a joint [rad].
+STEPS, DAMPING, EXACT, MOST = 200, 1e-3, 1e-5, 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Two Pandas at a belt.
+
+    Attributes:
+        scene: The scene.
+        tables: The scene, links by their primitives.
+        oracle: Coal on Pinocchio's kinematics.
+        sides: Primitives of each arm, and all that do not move.
+        model: Pinocchio's model.
+        tools: Tool of each arm.
+    """
+
+    scene: Scene
+    tables: SceneTables
+    oracle: CoalWorld
+    sides: tuple[list[int], list[int], list[int]]
+    model: Any
+    tools: tuple[Tool, Tool]
+
+
+@cache
+def cell() -> Cell:
+    """The cell; its arms are by their primitives, which Coal has as well."""
+    scene = ag.Scene(mode="path", period=PERIOD)
+    aside, turns = (-ASIDE, ASIDE), (0.0, np.pi)
+    for name, x, y, turn in zip(ROBOTS, aside, ALONG, turns, strict=True):
+        base = ag.Pose(xyz=(x, y, 0.0), rpy=(0.0, 0.0, turn))
+        scene.add_robot("panda", name=name, base=base, home=REST)
+    belt = ag.Box(size=(0.3, 3.4, 0.04))
+    scene.add(belt, name="belt", pose=ag.Pose(xyz=(0.0, 0.0, -0.02)))
+    tables = primitives_of(scene)
+    moving = tables.robot_of_primitive.tolist()
+    left, right = ([i for i, r in enumerate(moving) if r == k] for k in range(2))
+    still = list(range(len(moving), len(tables.kinds)))
+    model, _ = build_models(tables)
+    tools = tool_of(tables, "left"), tool_of(tables, "right")
+    return Cell(scene, tables, CoalWorld(tables), (left, right, still), model, tools)
+
+
+def reached(robot: int, goals: Floats) -> Floats:
+    """Rows of a scene at which an arm's tool points down at places, shape (k, n).
+
+    Args:
+        robot: The arm, 0 or 1.
+        goals: Places, shape (k, 3) [m].
+    """
+    one = cell()
+    tool, model = one.tools[robot], one.model
+    data, q = model.createData(), one.scene.home.copy()
+    rows = np.empty((len(goals), len(q)))
+    joint = model.getJointId(f"body{tool.body}")
+    at = pin.SE3(tool.R_body, tool.p_body)
+    turn = np.diag([1.0, -1.0, -1.0]) if robot == 0 else np.diag([-1.0, 1.0, -1.0])
+    own = np.array([n.startswith(f"{ROBOTS[robot]}/panda_joint") for n in names()])
+    source, _ = of_joints()
+    for k, goal in enumerate(goals):
+        wanted = pin.SE3(turn, goal)
+        for _ in range(STEPS):
+            pin.computeJointJacobians(model, data, joint_places(q))
+            error = pin.log6((data.oMi[joint] * at).actInv(wanted)).vector
+            if np.abs(error).max() < EXACT:
+                break
+            J = at.toActionMatrixInverse() @ pin.getJointJacobian(
+                model, data, joint, pin.ReferenceFrame.LOCAL
+            )
+            J = J[:, own[source]]
+            square = J @ J.T + DAMPING**2 * np.eye(6)
+            # What is left of the joints leads towards home.
+            rest = one.scene.home[own] - q[own]
+            step = rest + J.T @ np.linalg.solve(square, error - J @ rest)
+            q[own] += np.clip(step, -MOST, MOST)
+        else:
+            raise ValueError(f"no arm reaches {goal}")
+        rows[k] = q
+    return rows
+
+
+def of_joints() -> tuple[Any, Floats]:
+    """Joint of a scene that each of Pinocchio's follows, and how it does."""
+    tables = cell().tables
+    moving = np.flatnonzero(tables.joint_kind != 0)
+    return tables.q_index[moving], tables.gain[moving]
+
+
+def joint_places(q: Floats) -> Floats:
+    """Positions of Pinocchio's joints."""
+    source, gain = of_joints()
+    return np.asarray(q[source] * gain[:, 0] + gain[:, 1])
+
+
+def names() -> tuple[str, ...]:
+    """Names of all joints."""
+    return tuple(cell().scene.q_names)
+
+
+def tool_at(robot: int, q: Floats) -> Floats:
+    """Place of an arm's tool, shape (3,) [m]."""
+    one = cell()
+    tool, data = one.tools[robot], one.model.createData()
+    pin.forwardKinematics(one.model, data, joint_places(q))
+    frame = data.oMi[one.model.getJointId(f"body{tool.body}")]
+    return np.asarray(frame.rotation @ tool.p_body + frame.translation)
+
+
+def pick(robot: int, first: float, across: float, place: list[float]) -> LinePlan:
+    """A plan that picks an item from the belt and places it at a side.
+
+    Args:
+        robot: The arm, 0 or 1.
+        first: Where the tool begins to follow, y [m].
+        across: Where the item is on the belt, x [m].
+        place: Where it is placed, x and y [m].
+    """
+    follow = np.arange(-RUN_UP, FOLLOWS + SLOWS, EVERY)
+    late = np.maximum(follow - FOLLOWS, 0.0)
+    along = first + MADE_FOR * (follow - late**2 / (2.0 * SLOWS))
+    # Down before the item is gripped, up behind it.
+    share = np.clip((follow + 0.3) / 0.6, 0.0, 1.0)
+    up = 1.0 - share**2 * (3.0 - 2.0 * share) + 0.5 * (late / SLOWS) ** 2
+    belt = np.column_stack(
+        (np.full_like(along, across), along, LOW + (HIGH - LOW) * up)
+    )
+    over, at = [*place, HIGH], [*place, LOW]
+    goals = np.vstack((belt, [over, at, over]))
+    rows = reached(robot, goals)
+    home = cell().scene.home[None]
+    every = np.vstack((home, rows, home))
+    needs = np.abs(np.diff(every, axis=0)).max(axis=1) / PACE
+    needs = np.maximum(needs, LEAST)
+    needs[1 : len(belt)] = EVERY
+    times = np.concatenate(([0.0], np.cumsum(needs)))
+    motion = Trajectory(names(), every, times, "pick")
+    plan = ag.Plan.of(motion, cell().scene, interpolation="cubic")
+    start = float(times[1]) + RUN_UP
+    track = Track(start, start + FOLLOWS, first - BEGIN, MADE_FOR)
+    return LinePlan(ROBOTS[robot], CellPlan(plan, FOLLOWING, SKEW), track)
+
+
+def plans_of(seed: int) -> dict[str, LinePlan]:
+    """Plans of each arm, one for each place at which it may begin to follow.
+
+    A last one goes the same way without an item.
+    """
+    rng, found = np.random.default_rng([seed, 95]), dict[str, LinePlan]()
+    for robot, name in enumerate(ROBOTS):
+        side = -1.0 if robot == 0 else 1.0
+        across = rng.uniform(-0.03, 0.03)
+        end = float(rng.choice([-1, 1]) * rng.uniform(0.36, 0.44))
+        place = [side * rng.uniform(0.12, 0.2), ALONG[robot] + end]
+        for first in FIRST:
+            one = pick(robot, ALONG[robot] + first, across, place)
+            found[f"{name} at {first:+.2f}"] = one
+        found[f"{name} without item"] = LinePlan(name, one.plan)
+    return found

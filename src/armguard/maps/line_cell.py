@@ -1,0 +1,245 @@
+"""Two robots and the plans that their jobs use, before jobs arrive."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.maps.cell_plan import CellPlan, CoordinationError, joints_of
+from armguard.maps.coordination import Coordinator
+from armguard.maps.right_of_way import STEP, Crossing
+from armguard.scene import Scene
+from armguard.scene.tables import SceneTables
+
+Floats = NDArray[np.float64]
+
+# Greatest change of a pace [1/s].
+RATE = 4.0
+
+# Time that a robot slows down in, and recovers its pace in before it slows down again,
+# counted in time of its plan [s].
+SPARE = 1.5 / RATE
+
+# Time on the plan in which a robot at rest catches up with an item [s].
+RUN_UP = 0.7
+
+
+# An item is gripped for so long [s].
+GRIP = 0.2
+
+# Plans of a robot begin and end so near to each other [rad or m].
+JOINED = 1e-3
+
+# Tiles of diagrams are not divided below this [s].
+FINEST = STEP
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """The part of a plan that follows an item on the belt.
+
+    Attributes:
+        start: Where it begins, in time of the plan [s].
+        end: Where it ends; the item is gripped in its last GRIP seconds [s].
+        at: Place of the item on the belt at `start` [m].
+        speed: Speed of the belt for which the plan is made [m/s].
+    """
+
+    start: float
+    end: float
+    at: float
+    speed: float
+
+    def lag(self, speed: float) -> float:
+        """How far an item may be ahead and still be caught in time [s of the plan].
+
+        Args:
+            speed: Speed of the belt [m/s].
+        """
+        return max(self.end - GRIP - self.start, 0.0) * (1.0 - speed / self.speed)
+
+
+@dataclass(frozen=True, slots=True)
+class LinePlan:
+    """A plan that jobs use.
+
+    Attributes:
+        robot: Its robot.
+        plan: What that executes.
+        track: The part that follows the belt, if there is one.
+    """
+
+    robot: str
+    plan: CellPlan
+    track: Track | None = None
+
+    @property
+    def reserved(self) -> tuple[float, float] | None:
+        """Where the robot cannot wait, from the start of the plan [s]."""
+        if self.track is None:
+            return None
+        first = self.plan.plan.tube.times[0]
+        start = self.track.start - RUN_UP - first
+        return STEP * int(start / STEP), self.track.end + 0.5 / RATE - first
+
+
+@dataclass(frozen=True, slots=True)
+class Conveyor:
+    """A belt.
+
+    Attributes:
+        slowest: Its least speed [m/s].
+        fastest: Its greatest speed [m/s].
+    """
+
+    slowest: float
+    fastest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A job that has arrived.
+
+    Attributes:
+        number: Its number.
+        plans: Names of plans that can do it, that which is preferred first.
+        offset: Place on the belt at which its item arrived [m].
+        travel: How far the belt had moved then [m].
+    """
+
+    number: int
+    plans: tuple[str, ...]
+    offset: float = 0.0
+    travel: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineCell:
+    """What is known of two robots before jobs arrive.
+
+    Attributes:
+        robots: The robots.
+        plans: Plans that jobs use, by name.
+        conveyor: The belt, if there is one.
+        crossings: Of each plan of the first robot and each of the second.
+        q_names: Names of all joints of the scene.
+    """
+
+    robots: tuple[str, str]
+    plans: Mapping[str, LinePlan]
+    conveyor: Conveyor | None
+    crossings: Mapping[tuple[str, str], Crossing]
+    q_names: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene | SceneTables,
+        plans: Mapping[str, LinePlan],
+        *,
+        conveyor: Conveyor | None = None,
+        floor: float = 0.0,
+    ) -> Self:
+        """Prove which parts of plans may be executed together.
+
+        Args:
+            scene: The scene, or its tables.
+            plans: See `plans`.
+            conveyor: See `conveyor`.
+            floor: Least distance that links of both robots have to keep [m].
+
+        Raises:
+            CoordinationError: There are not two robots, a plan cannot follow the belt,
+                the plans of a robot do not join, or one begins or ends where the other
+                robot passes.
+            TrajectoryError: A plan is none of its robot.
+        """
+        robots = tuple(dict.fromkeys(one.robot for one in plans.values()))
+        if len(robots) != 2:
+            raise CoordinationError(
+                f"there are plans of {', '.join(robots) or 'no robot'}; coordination "
+                "on line is of two robots"
+            )
+        check_tracks(plans, conveyor)
+        coordinator = Coordinator(scene, robots, floor=floor)
+        names = coordinator.tables.q_names
+        check_joined(plans, names)
+        own = [[n for n, one in plans.items() if one.robot == r] for r in robots]
+        crossings = {
+            (a, b): crossing_of(coordinator, a, b, plans)
+            for a in own[0]
+            for b in own[1]
+        }
+        return cls((robots[0], robots[1]), dict(plans), conveyor, crossings, names)
+
+
+def crossing_of(
+    coordinator: Coordinator, a: str, b: str, plans: Mapping[str, LinePlan]
+) -> Crossing:
+    """The crossing of two plans.
+
+    Raises:
+        CoordinationError: One begins or ends where the other robot passes.
+    """
+    both = plans[a], plans[b]
+    cell = coordinator.map({one.robot: one.plan for one in both}, resolution=FINEST)
+    crossing = Crossing(cell.diagrams[0], [one.reserved for one in both], SPARE)
+    for axis, (name, other) in enumerate(((a, b), (b, a))):
+        grid = crossing.blocked if axis == 0 else crossing.blocked.T
+        for end, where in ((0, "begins"), (-1, "ends")):
+            if grid[end].any():
+                raise CoordinationError(
+                    f"plan '{name}' {where} where plan '{other}' passes; let it "
+                    f"{where.removesuffix('s')} clear of the other robot"
+                )
+    return crossing
+
+
+def check_tracks(plans: Mapping[str, LinePlan], conveyor: Conveyor | None) -> None:
+    """Refuse plans that cannot follow the belt.
+
+    Raises:
+        CoordinationError: A part that follows it is none, or no belt is declared.
+    """
+    for name, one in plans.items():
+        track = one.track
+        if track is None:
+            continue
+        if conveyor is None:
+            raise CoordinationError(
+                f"plan '{name}' follows a belt, but there is no conveyor; declare it"
+            )
+        first, last = one.plan.plan.tube.times[[0, -1]]
+        if not first + RUN_UP <= track.start < track.end - GRIP or track.end > last:
+            raise CoordinationError(
+                f"plan '{name}': it follows the belt from {track.start:g} s to "
+                f"{track.end:g} s; it must begin {RUN_UP:g} s after the plan, take "
+                f"more than {GRIP:g} s, and end within it"
+            )
+        if not track.speed > conveyor.fastest:
+            raise CoordinationError(
+                f"plan '{name}': it is made for {track.speed:g} m/s, the belt moves at "
+                f"up to {conveyor.fastest:g} m/s; make it for a faster belt, so that "
+                "the robot can catch up"
+            )
+
+
+def check_joined(plans: Mapping[str, LinePlan], names: Sequence[str]) -> None:
+    """Refuse plans of a robot that do not begin where the others end.
+
+    Raises:
+        CoordinationError: They do not.
+    """
+    ends: dict[str, tuple[str, Floats]] = {}
+    for name, one in plans.items():
+        tube, own = one.plan.plan.tube, joints_of(tuple(names), one.robot)
+        for q in tube.at(tube.times[[0, -1]])[:, own]:
+            other, known = ends.setdefault(one.robot, (name, q))
+            off = float(np.abs(q - known).max())
+            if off > JOINED:
+                raise CoordinationError(
+                    f"plan '{name}' of {one.robot} begins or ends {off:.3f} rad or m "
+                    f"from where '{other}' begins; give both the same rest position"
+                )

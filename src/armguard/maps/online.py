@@ -1,0 +1,400 @@
+"""Coordination on line: two robots execute plans as jobs arrive, some at a conveyor.
+
+Each cycle decides how far each robot goes on its plan. A robot keeps to the pace of its
+plan, or less. One that has to wait for the other slows down in time; it does not leave
+its path. In the part of a plan that follows the belt, the place on the plan is that of
+the item on the belt, so no robot has to wait there.
+"""
+
+from collections import deque
+from math import ceil, inf, isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armguard.errors import did_you_mean
+from armguard.maps.cell_plan import CoordinationError, joints_of
+from armguard.maps.lane import Lane, curve_at, pace_before
+from armguard.maps.line_cell import GRIP, RATE, Job, LineCell
+from armguard.maps.right_of_way import STEP, Hold, Order
+
+Floats = NDArray[np.float64]
+
+# An item is picked if the tool is so near to its place [m].
+NEAR = 0.005
+
+# Time between two looks for another order, and what that has to save [s].
+LOOKS, GAIN = 0.25, 0.5
+
+# A robot comes so much before an item [s].
+EARLY = 0.3
+
+# Paces that differ by less are the same [-].
+SAME = 1e-3
+
+
+class Line:
+    """Two robots that execute jobs beside each other.
+
+    Attributes:
+        cell: What is known of them.
+        lanes: Both robots.
+        queue: Jobs that wait.
+        order: Which robot waits where for which.
+        finished: Numbers of jobs that are done, each with the item's greatest distance
+            from the tool while it was gripped, 0 without an item [m].
+        missed: Numbers of jobs whose item was not picked.
+        events: What was decided, in words, to be taken away by the caller.
+        fault: Why both robots stop, in words; empty if they need not.
+
+    Args:
+        cell: What is known of them.
+        gain: What another order has to save before it is taken up [s].
+    """
+
+    def __init__(self, cell: LineCell, *, gain: float = GAIN) -> None:
+        self.cell, self.plans, self.conveyor = cell, cell.plans, cell.conveyor
+        self._durations = {n: one.plan.plan.duration for n, one in self.plans.items()}
+        self._own = [joints_of(cell.q_names, robot) for robot in cell.robots]
+        first = next(iter(cell.crossings))
+        # Robots rest where their plans begin and end; no way leads from there.
+        self.lanes = (
+            Lane(cell.robots[0], first[0], self._durations[first[0]]),
+            Lane(cell.robots[1], first[1], self._durations[first[1]]),
+        )
+        tube = self.plans[first[0]].plan.plan.tube
+        self._home = tube.at(tube.times[:1])[0]
+        self.queue: deque[Job] = deque()
+        self._gain, self._dt, self._speed, self._travel = gain, 0.0, 0.0, 0.0
+        self._now, self._look, self._turn = -inf, -inf, 0
+        self.finished: dict[int, float] = {}
+        self.missed: list[int] = []
+        self.events: list[str] = []
+        self.fault = ""
+        self.order = self._order(0)
+
+    @property
+    def idle(self) -> bool:
+        """Whether no job is left."""
+        return not self.queue and not any(lane.job for lane in self.lanes)
+
+    @property
+    def rests(self) -> bool:
+        """Whether both robots rest."""
+        return all(lane.pace == 0.0 for lane in self.lanes)
+
+    def add(self, job: Job) -> None:
+        """Add a job that has arrived.
+
+        Raises:
+            CoordinationError: It has no plan, or an unknown one.
+        """
+        if not job.plans:
+            raise CoordinationError(f"job {job.number} has no plan; give one")
+        for name in job.plans:
+            if name not in self.plans:
+                raise CoordinationError(
+                    f"job {job.number}: '{name}' is no plan; "
+                    f"{did_you_mean(name, self.plans)}"
+                )
+        self.queue.append(job)
+
+    def motion(self) -> tuple[Floats, Floats]:
+        """Joint positions and velocities of all robots now, each shape (n,)."""
+        q, v = self._home.copy(), np.zeros_like(self._home)
+        for lane, time, own in zip(
+            self.lanes, self.plan_times(), self._own, strict=True
+        ):
+            at, rate = curve_at(self.plans[lane.plan].plan.plan.tube, time)
+            q[own], v[own] = at[own], lane.pace * rate[own]
+        return q, v
+
+    def plan_times(self) -> tuple[float, float]:
+        """Time on the plan of each robot now [s]."""
+        a, b = (
+            float(self.plans[lane.plan].plan.plan.tube.times[0]) + lane.place
+            for lane in self.lanes
+        )
+        return a, b
+
+    def step(self, now: float, travel: float = 0.0, speed: float = 0.0) -> bool:
+        """Decide how far both robots go until the next cycle.
+
+        Args:
+            now: Time [s].
+            travel: How far the belt has moved, as measured [m].
+            speed: Its speed, as measured [m/s].
+
+        Returns:
+            Whether anything moves, or may move.
+        """
+        self._take(now, travel, speed)
+        dt = self._dt
+        if not self.fault:
+            self._begin()
+            if now >= self._look:
+                self._look = now + LOOKS
+                self._look_again()
+        # Both decide by where the other one is before this cycle.
+        seen = [self.seen(k) for k in (0, 1)]
+        for k, lane in enumerate(self.lanes):
+            self._advance(k, lane, seen[1 - k], dt)
+        return not (self.idle and self.rests)
+
+    def seen(self, k: int) -> float:
+        """Where a robot is on its plan, as the other one is to know it [s]."""
+        return self.lanes[k].place
+
+    def _take(self, now: float, travel: float, speed: float) -> None:
+        """Take in time and belt; both stop where these cannot be right."""
+        belt = self.conveyor
+        if isfinite(now) and now >= self._now:
+            self._dt = min(now - self._now, STEP) if self._now > -inf else 0.0
+            self._now = now
+        else:
+            # It slows down as if a cycle had passed.
+            self._stop(f"time went from {self._now:g} s to {now:g} s")
+        if belt and not belt.slowest <= speed <= belt.fastest:
+            self._stop(
+                f"the conveyor moves at {speed:.3f} m/s, declared are "
+                f"{belt.slowest:g} to {belt.fastest:g} m/s; slow it down, or declare it"
+            )
+        if belt and not isfinite(travel):
+            self._stop(f"the conveyor is at {travel:g} m; measure it")
+        if not self.fault:
+            self._travel, self._speed = travel, speed
+
+    def _stop(self, why: str) -> None:
+        if not self.fault:
+            self.fault = why
+            self.events.append(f"both stop: {why}")
+
+    def _item(self, lane: Lane) -> float | None:
+        """Place on a robot's plan at which its item is now; None without an item."""
+        job, track = lane.job, self.plans[lane.plan].track
+        if job is None or track is None or lane.lost:
+            return None
+        first = float(self.plans[lane.plan].plan.plan.tube.times[0])
+        on_belt = job.offset + self._travel - job.travel
+        return track.start - first + (on_belt - track.at) / track.speed
+
+    def _begin(self) -> None:
+        """Begin a job with the first plan that comes in time; a cycle tries one."""
+        self._drop_passed()
+        for k, lane in enumerate(self.lanes):
+            if lane.job is not None or self._now < lane.tries_at:
+                continue
+            # The job that is under way goes first where both arrive together.
+            ways = [
+                (job, name, first)
+                for job in self.queue
+                for name in job.plans
+                if self.plans[name].robot == lane.robot
+                for first in (1 - k, k)
+            ]
+            if lane.tried >= len(ways):
+                lane.tried, lane.tries_at = 0, self._now + LOOKS
+                continue
+            before = lane.plan, lane.place
+            job, name, first = ways[lane.tried]
+            lane.job, lane.plan, lane.place = job, name, 0.0
+            lane.lost, lane.apart = False, 0.0
+            found = self._order(first)
+            if not self._in_time(found):
+                lane.job, (lane.plan, lane.place) = None, before
+                lane.tried += 1
+                return
+            self.queue.remove(job)
+            # The order so far is that of another plan.
+            self.order, self._look, lane.tried = found, self._now + LOOKS, 0
+            self.events.append(f"{lane.robot} begins job {job.number}, {name}")
+            return
+
+    def _drop_passed(self) -> None:
+        """Drop a job whose item no robot can catch any more."""
+        for job in tuple(self.queue):
+            belt = self.conveyor
+            ends = [
+                track.at + track.lag(self._speed) * track.speed
+                for track in (self.plans[name].track for name in job.plans)
+                if track is not None and belt is not None
+            ]
+            on_belt = job.offset + self._travel - job.travel
+            if len(ends) == len(job.plans) and on_belt > max(ends):
+                self.queue.remove(job)
+                self.missed.append(job.number)
+                self.events.append(f"no robot reaches the item of job {job.number}")
+
+    def _in_time(self, order: Order) -> bool:
+        """Whether both robots catch their items."""
+        return all(self._comes_in_time(k, order) for k in (0, 1))
+
+    def _comes_in_time(self, k: int, order: Order | None) -> bool:
+        """Whether a robot catches its item, this as fast as it may be.
+
+        Args:
+            k: The robot, 0 or 1.
+            order: Which robot waits where for which; None without the other robot.
+        """
+        lane = self.lanes[k]
+        item, belt, one = self._item(lane), self.conveyor, self.plans[lane.plan]
+        if item is None or belt is None or one.track is None or one.reserved is None:
+            return True
+        nodes, goal = self._nodes(), ceil(one.reserved[0] / STEP - SAME)
+        if nodes[k] > goal:
+            return True
+        steps = goal - nodes[k]
+        if order is not None:
+            goals = [len(needs) for needs in order.needs]
+            # It has to be let into the part in which it cannot wait.
+            goals[k] = goal + 1
+            # The other robot's item may be as slow as it can be.
+            holds = [self._hold(one, belt.slowest) for one in self.lanes]
+            holds[k] = self._hold(lane, belt.fastest)
+            ends = goals[0], goals[1]
+            steps = order.steps(nodes, (holds[0], holds[1]), ends)[k] - 1
+            steps -= holds[k][2]
+        comes = item + STEP * steps * belt.fastest / one.track.speed
+        return comes <= one.reserved[0] + one.track.lag(belt.fastest)
+
+    def _look_again(self) -> None:
+        """Take up another order if that saves enough and no robot yields now."""
+        if self._gain > 0.0 and any(lane.yields for lane in self.lanes):
+            return
+        cost = self._cost(self.order)
+        if cost <= self._gain:
+            return
+        self._turn = 1 - self._turn
+        found = self._order(self._turn)
+        saves = cost - self._cost(found)
+        if saves > self._gain and self._in_time(found):
+            self.order = found
+            self.events.append(f"another order, which saves {saves:.1f} s")
+
+    def _order(self, first: int) -> Order:
+        """The order in which one robot goes first where both arrive together."""
+        a, b = self.lanes
+        crossing = self.cell.crossings[a.plan, b.plan]
+        found = crossing.order(self._nodes(), self._holds(), first)
+        # Plans begin and end clear of each other: the way that is gone leads on.
+        assert found is not None
+        return found
+
+    def _cost(self, order: Order) -> float:
+        """What an order costs: delays of robots, by priority [s]."""
+        weights = [self.plans[lane.plan].plan.priority for lane in self.lanes]
+        delays = order.delays(self._nodes(), self._holds())
+        return sum(
+            delay * (1 + weight - min(weights))
+            for delay, weight in zip(delays, weights, strict=True)
+        )
+
+    def _nodes(self) -> tuple[int, int]:
+        """Nodes at which both robots can stop."""
+        a, b = self.lanes
+        k, m = self.cell.crossings[a.plan, b.plan].blocked.shape
+        return min(self._node(a), k), min(self._node(b), m)
+
+    def _holds(self) -> tuple[Hold, Hold]:
+        """What keeps each robot back by its item, this as fast as it may be."""
+        a, b = self.lanes
+        speed = self.conveyor.fastest if self.conveyor else 0.0
+        return self._hold(a, speed), self._hold(b, speed)
+
+    def _node(self, lane: Lane) -> int:
+        """Node at which a robot can stop; past the part in which it cannot wait."""
+        reserved = self.plans[lane.plan].reserved
+        stop = lane.stop
+        if reserved is not None and reserved[0] < stop <= reserved[1]:
+            stop = reserved[1]
+        return ceil(stop / STEP - SAME)
+
+    def _hold(self, lane: Lane, speed: float) -> Hold:
+        """What keeps a robot back by its item, at a speed of the belt."""
+        item = self._item(lane)
+        reserved, track = self.plans[lane.plan].reserved, self.plans[lane.plan].track
+        if item is None or reserved is None or track is None:
+            return 0, 0, 0
+        pace = speed / track.speed
+        if lane.place > reserved[0]:
+            left = max(reserved[1] - lane.place, 0.0)
+            return ceil(left / pace / STEP), 0, 0
+        comes = (reserved[0] - item) / pace - (reserved[0] - lane.place)
+        slower = (reserved[1] - reserved[0]) * (1.0 / pace - 1.0)
+        node = ceil(reserved[0] / STEP - SAME)
+        return max(int((comes - EARLY) / STEP), 0), node, ceil(slower / STEP)
+
+    def _advance(self, k: int, lane: Lane, other: float, dt: float) -> None:
+        """Let a robot go on for a cycle."""
+        end = self._durations[lane.plan]
+        least = max(lane.pace - RATE * dt, 0.0)
+        if lane.job is None or self.fault:
+            lane.pace = least if lane.job else 0.0
+            lane.place = min(lane.place + lane.pace * dt, end)
+            lane.yields = False
+            return
+        most = min(lane.pace + RATE * dt, 1.0)
+        alone = min(self._alone(lane, dt), pace_before(end - lane.place, dt))
+        limit = self.order.limit(k, other)
+        held = pace_before(limit - lane.place, dt)
+        pace = max(min(alone, held, most), least)
+        wanted = min(alone, 1.0)
+        bound = held < min(alone, most) - SAME
+        yields = bound or (lane.yields and pace < wanted - SAME)
+        if yields != lane.yields:
+            what = "yields to" if yields else "goes on after"
+            self.events.append(f"{lane.robot} {what} {self.lanes[1 - k].robot}")
+        lane.yields, lane.pace = yields, pace
+        lane.place = min(lane.place + pace * dt, end)
+        self._grip(lane, dt)
+        if end - lane.place < SAME * STEP:
+            self._finish(lane, end)
+
+    def _alone(self, lane: Lane, dt: float) -> float:
+        """Pace of a robot without the other one, by its item [-]."""
+        item, one = self._item(lane), self.plans[lane.plan]
+        if item is None or one.track is None or one.reserved is None:
+            return 1.0
+        first = float(one.plan.plan.tube.times[0])
+        if lane.place >= one.track.end - first:
+            return 1.0
+        start = one.reserved[0]
+        if lane.place == 0.0 and self._hold(lane, self._speed)[0] > 0:
+            # It rests clear of the other robot as long as it can.
+            return 0.0
+        if lane.place <= start:
+            if item < start:
+                return pace_before(start - lane.place, dt)
+            if item > start + one.track.lag(self._speed):
+                self._miss(lane)
+                return 1.0
+        pace = self._speed / one.track.speed
+        ahead = item + pace * dt - lane.place
+        return pace + pace_before(ahead - pace * dt, dt) if ahead > 0.0 else 0.0
+
+    def _grip(self, lane: Lane, dt: float) -> None:
+        """Note how far the tool is from the item while it grips it."""
+        item, one = self._item(lane), self.plans[lane.plan]
+        if item is None or one.track is None:
+            return
+        first = float(one.plan.plan.tube.times[0])
+        left = one.track.end - first - lane.place
+        if 0.0 <= left <= GRIP:
+            item += self._speed / one.track.speed * dt
+            lane.apart = max(lane.apart, abs(item - lane.place) * one.track.speed)
+            if lane.apart > NEAR:
+                self._miss(lane)
+
+    def _miss(self, lane: Lane) -> None:
+        """An item is not picked; its robot executes the plan without it."""
+        assert lane.job is not None
+        lane.lost = True
+        self.missed.append(lane.job.number)
+        self.events.append(f"{lane.robot} misses the item of job {lane.job.number}")
+
+    def _finish(self, lane: Lane, end: float) -> None:
+        """End a job."""
+        assert lane.job is not None
+        self.finished[lane.job.number] = lane.apart
+        self.events.append(f"{lane.robot} has done job {lane.job.number}")
+        lane.place, lane.pace, lane.job, lane.yields = end, 0.0, None, False
