@@ -244,7 +244,8 @@ class Monitor(Loop):
             >>> rows = np.array([scene.home, scene.home + 0.01])
             >>> motion = ag.Trajectory(scene.q_names, rows, times, "a line")
             >>> guard.announce(ag.Plan.of(motion, scene), 0.0, following_error=0.001)
-            >>> guard.step(guard.home, 0.0).ahead.enough
+            >>> rest = 0.0 * guard.home
+            >>> guard.step(guard.home, 0.0, velocity=rest).ahead.enough
             True
         """
         world = self._proven, self._watch, self._outlook.changes
