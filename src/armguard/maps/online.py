@@ -102,9 +102,8 @@ class Line:
     def motion(self) -> tuple[Floats, Floats]:
         """Joint positions and velocities of all robots now, each shape (n,)."""
         q, v = self._home.copy(), np.zeros_like(self._home)
-        for lane, time, own in zip(
-            self.lanes, self.plan_times(), self._own, strict=True
-        ):
+        each = zip(self.lanes, self.plan_times(), self._own, strict=True)
+        for lane, time, own in each:
             at, rate = curve_at(self.plans[lane.plan].plan.plan.tube, time)
             q[own], v[own] = at[own], lane.pace * rate[own]
         return q, v
