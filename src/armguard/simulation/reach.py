@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from armguard.geometry.bounds import row_bounds
 from armguard.respond.tool import tool_of
-from armguard.robot.kinematics import forward_kinematics
+from armguard.scene.poses import body_poses
 from armguard.scene.tables import RobotPart, SceneTables
 
 Floats = NDArray[np.float64]
@@ -47,22 +47,11 @@ class Reach:
         away = SPAN * (upper - lower) * rng.uniform(-1.0, 1.0, (KNOWN, len(lower)))
         self.q = np.clip(tables.home[own] + away, lower + room, upper - room)
         tool = tool_of(tables, part.name)
-        T_world = np.zeros((len(tables.parent), 12))
         configuration = tables.home.copy()
         self.points = np.zeros((KNOWN, 3))
         for row, point in zip(self.q, self.points, strict=True):
             configuration[own] = row
-            forward_kinematics(
-                configuration,
-                tables.parent,
-                tables.joint_kind,
-                tables.q_index,
-                tables.gain,
-                tables.T_parent_joint,
-                tables.axis,
-                T_world,
-            )
-            point[:] = tool.point(T_world)
+            point[:] = tool.point(body_poses(tables, configuration))
 
     def distances(self, point: Floats) -> Floats:
         """How far each known configuration's tool is from a point, shape (k,) [m]."""
