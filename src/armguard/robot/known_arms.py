@@ -1,5 +1,6 @@
 """Arms that are recognised by the names and the distances of their joints."""
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -8,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
 
 from armguard.robot.model import Joint, JointKind, RobotModel
 
-FILE = Path(__file__).with_name("known_arms.yaml")
+FILE = Path(__file__).with_name("known_arms.toml")
 
 # How far the distance of two joints may differ from that of the description [m].
 # Calibrated kinematics differ by a millimetre.
@@ -24,7 +24,7 @@ class KnownArm:
     """A recognised arm.
 
     Attributes:
-        name: Its name in `known_arms.yaml`.
+        name: Its name in `known_arms.toml`.
         title: Maker and type.
         family: Family of its stopping figures.
         joints: Its joints, from the base to the hand, as the robot names them.
@@ -41,8 +41,7 @@ class KnownArm:
 @cache
 def known_data() -> Mapping[str, Any]:
     """Families and arms of the data file."""
-    data: Mapping[str, Any] = YAML(typ="safe", pure=True).load(FILE)
-    return data
+    return tomllib.loads(FILE.read_text(encoding="utf-8"))
 
 
 def known_arms(model: RobotModel) -> tuple[KnownArm, ...]:
