@@ -217,7 +217,7 @@ def named_values(function: Any) -> Iterator[Any]:
 def read_globals(code: CodeType) -> list[str]:
     """Names of the module that code reads; `code.co_names` holds fields as well.
 
-    Kept, since a start asks for it 64 times per kernel, and decoding takes 40 us.
+    Kept: a start needs it 64 times per kernel, and decoding takes 40 us.
     """
     found = get_instructions(code)
     names = (one.argval for one in found if one.opname == "LOAD_GLOBAL")

@@ -5,6 +5,7 @@ import typer
 from armguard.cli.batch import batch
 from armguard.cli.chaos import chaos
 from armguard.cli.check import check
+from armguard.cli.coordinate import coordinate
 from armguard.cli.demo import demo
 from armguard.cli.fleet import fleet
 from armguard.cli.init import init
@@ -40,6 +41,7 @@ for command in (
     replay,
     report,
     batch,
+    coordinate,
     chaos,
 ):
     app.command()(command)

@@ -1,5 +1,6 @@
-"""Files of cell jobs: a scene, and the plan of each robot in it."""
+"""Files of cell jobs: a scene, and the plans of each robot in it."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,6 +9,7 @@ from pydantic import Field
 from armguard.errors import did_you_mean
 from armguard.maps.cell_plan import CellPlan
 from armguard.maps.coordination import CoordinationMap, Coordinator
+from armguard.maps.line_cell import Conveyor, LineCell, LinePlan, Track
 from armguard.plans.plan import Plan
 from armguard.scene import Scene, load_scene
 from armguard.scene.meshes import Progress
@@ -15,6 +17,8 @@ from armguard.scene.schema import (
     ByJoint,
     Name,
     NotNegative,
+    Number,
+    Positive,
     Strict,
     model_of,
 )
@@ -97,3 +101,135 @@ def plan_of(robot: str, entry: PlanEntry, folder: Path, scene: Scene) -> CellPla
         names=entry.names,
         priority=entry.priority,
     )
+
+
+class TrackEntry(Strict):
+    """The part of a plan that follows an item on the belt, see `Track`.
+
+    Attributes:
+        start: Where it begins, in time of the plan [s].
+        end: Where it ends [s].
+        at: Place of the item on the belt at `start` [m].
+        speed: Speed of the belt for which the plan is made [m/s].
+    """
+
+    start: NotNegative
+    end: Positive
+    at: Number
+    speed: Positive
+
+
+class LinePlanEntry(PlanEntry):
+    """A plan that jobs use.
+
+    Attributes:
+        robot: Its robot.
+        follows: The part that follows the belt.
+    """
+
+    robot: Name
+    follows: TrackEntry | None = None
+
+
+class ConveyorEntry(Strict):
+    """A belt.
+
+    Attributes:
+        slowest: Its least speed [m/s].
+        fastest: Its greatest speed [m/s].
+        speed: Its usual speed: that of a belt that is not measured [m/s].
+    """
+
+    slowest: NotNegative
+    fastest: Positive
+    speed: Positive
+
+
+class ArrivalEntry(Strict):
+    """A job that arrives.
+
+    Attributes:
+        t: When [s].
+        plans: Plans that can do it, that which is preferred first.
+        offset: Place on the belt at which its item arrives [m].
+    """
+
+    t: NotNegative
+    plans: Annotated[tuple[Name, ...], Field(min_length=1)]
+    offset: Number = 0.0
+
+
+class LineJobModel(Strict):
+    """A cell job of two robots that are coordinated on line.
+
+    Attributes:
+        scene: Its scene file, relative to the job.
+        floor: See `JobModel`.
+        conveyor: The belt, if there is one.
+        plans: Plans that jobs use, by name.
+        jobs: Jobs that arrive.
+    """
+
+    scene: Name
+    floor: NotNegative = 0.0
+    conveyor: ConveyorEntry | None = None
+    plans: Annotated[dict[Name, LinePlanEntry], Field(min_length=2)]
+    jobs: Annotated[tuple[ArrivalEntry, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineJob:
+    """A cell job that is ready to be executed on line.
+
+    Attributes:
+        scene: The scene.
+        cell: What is proven of its plans.
+        speed: Usual speed of the belt; 0 without one [m/s].
+        arrivals: Jobs that arrive, by time.
+    """
+
+    scene: Scene
+    cell: LineCell
+    speed: float
+    arrivals: tuple[ArrivalEntry, ...]
+
+
+def read_line_job(path: Path, progress: Progress | None = None) -> LineJob:
+    """A cell job for coordination on line, its plans proven against each other.
+
+    Args:
+        path: The job, YAML.
+        progress: See `load_scene`.
+
+    Raises:
+        SceneFileError: The file is no such job, or its scene file is wrong.
+        TrajectoryError: A plan is no plan of its robot.
+        CoordinationError: The plans cannot be coordinated.
+    """
+    source = YamlSource(path)
+    job = model_of(source, LineJobModel, LinePlanEntry)
+    scene = load_scene(path.parent / job.scene, progress=progress)
+    plans = {}
+    for name, entry in job.plans.items():
+        if entry.robot not in scene.robots:
+            near = did_you_mean(entry.robot, scene.robots)
+            keys = ("plans", name, "robot")
+            raise source.problem(keys, f"'{entry.robot}' is no robot; {near}")
+        plan = plan_of(entry.robot, entry, path.parent, scene)
+        track = Track(**entry.follows.model_dump()) if entry.follows else None
+        plans[name] = LinePlan(entry.robot, plan, track)
+    for k, arrival in enumerate(job.jobs):
+        for name in arrival.plans:
+            if name not in plans:
+                near = did_you_mean(name, plans)
+                raise source.problem(("jobs", k), f"'{name}' is no plan; {near}")
+    belt, speed = None, 0.0
+    if job.conveyor is not None:
+        belt = Conveyor(job.conveyor.slowest, job.conveyor.fastest)
+        speed = job.conveyor.speed
+        if not belt.slowest <= speed <= belt.fastest:
+            sentence = "must be from 'slowest' to 'fastest'"
+            raise source.problem(("conveyor", "speed"), sentence)
+    cell = LineCell.of(scene, plans, conveyor=belt, floor=job.floor)
+    arrivals = tuple(sorted(job.jobs, key=lambda one: one.t))
+    return LineJob(scene, cell, speed, arrivals)

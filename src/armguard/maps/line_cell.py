@@ -76,13 +76,17 @@ class LinePlan:
     track: Track | None = None
 
     @property
+    def begin(self) -> float:
+        """Time of the plan's first row [s]."""
+        return float(self.plan.plan.tube.times[0])
+
+    @property
     def reserved(self) -> tuple[float, float] | None:
         """Where the robot cannot wait, from the start of the plan [s]."""
         if self.track is None:
             return None
-        first = self.plan.plan.tube.times[0]
-        start = self.track.start - RUN_UP - first
-        return STEP * int(start / STEP), self.track.end + 0.5 / RATE - first
+        start = self.track.start - RUN_UP - self.begin
+        return STEP * int(start / STEP), self.track.end + 0.5 / RATE - self.begin
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,10 @@ class Line:
         self.missed: list[int] = []
         self.events: list[str] = []
         self.fault = ""
-        self.order = self._order(0)
+        order = self._order(0)
+        # `LineCell` has seen that plans begin clear of each other.
+        assert order is not None
+        self.order = order
 
     @property
     def idle(self) -> bool:
@@ -110,10 +113,7 @@ class Line:
 
     def plan_times(self) -> tuple[float, float]:
         """Time on the plan of each robot now [s]."""
-        a, b = (
-            float(self.plans[lane.plan].plan.plan.tube.times[0]) + lane.place
-            for lane in self.lanes
-        )
+        a, b = (self.plans[lane.plan].begin + lane.place for lane in self.lanes)
         return a, b
 
     def step(self, now: float, travel: float = 0.0, speed: float = 0.0) -> bool:
@@ -152,18 +152,23 @@ class Line:
             self._now = now
         else:
             # It slows down as if a cycle had passed.
-            self._stop(f"time went from {self._now:g} s to {now:g} s")
+            self.stop(f"time went from {self._now:g} s to {now:g} s")
         if belt and not belt.slowest <= speed <= belt.fastest:
-            self._stop(
+            self.stop(
                 f"the conveyor moves at {speed:.3f} m/s, declared are "
                 f"{belt.slowest:g} to {belt.fastest:g} m/s; slow it down, or declare it"
             )
         if belt and not isfinite(travel):
-            self._stop(f"the conveyor is at {travel:g} m; measure it")
+            self.stop(f"the conveyor is at {travel:g} m; measure it")
         if not self.fault:
             self._travel, self._speed = travel, speed
 
-    def _stop(self, why: str) -> None:
+    def stop(self, why: str) -> None:
+        """Let both robots slow down and stop, for good.
+
+        Args:
+            why: Why, in words.
+        """
         if not self.fault:
             self.fault = why
             self.events.append(f"both stop: {why}")
@@ -173,9 +178,9 @@ class Line:
         job, track = lane.job, self.plans[lane.plan].track
         if job is None or track is None or lane.lost:
             return None
-        first = float(self.plans[lane.plan].plan.plan.tube.times[0])
         on_belt = job.offset + self._travel - job.travel
-        return track.start - first + (on_belt - track.at) / track.speed
+        start = track.start - self.plans[lane.plan].begin
+        return start + (on_belt - track.at) / track.speed
 
     def _begin(self) -> None:
         """Begin a job with the first plan that comes in time; a cycle tries one."""
@@ -199,7 +204,7 @@ class Line:
             lane.job, lane.plan, lane.place = job, name, 0.0
             lane.lost, lane.apart = False, 0.0
             found = self._order(first)
-            if not self._in_time(found):
+            if found is None or not self._in_time(found):
                 lane.job, (lane.plan, lane.place) = None, before
                 lane.tried += 1
                 return
@@ -265,19 +270,16 @@ class Line:
             return
         self._turn = 1 - self._turn
         found = self._order(self._turn)
-        saves = cost - self._cost(found)
-        if saves > self._gain and self._in_time(found):
+        saves = 0.0 if found is None else cost - self._cost(found)
+        if found and saves > self._gain and self._in_time(found):
             self.order = found
             self.events.append(f"another order, which saves {saves:.1f} s")
 
-    def _order(self, first: int) -> Order:
+    def _order(self, first: int) -> Order | None:
         """The order in which one robot goes first where both arrive together."""
         a, b = self.lanes
         crossing = self.cell.crossings[a.plan, b.plan]
-        found = crossing.order(self._nodes(), self._holds(), first)
-        # Plans begin and end clear of each other: the way that is gone leads on.
-        assert found is not None
-        return found
+        return crossing.order(self._nodes(), self._holds(), first)
 
     def _cost(self, order: Order) -> float:
         """What an order costs: delays of robots, by priority [s]."""
@@ -354,8 +356,7 @@ class Line:
         item, one = self._item(lane), self.plans[lane.plan]
         if item is None or one.track is None or one.reserved is None:
             return 1.0
-        first = float(one.plan.plan.tube.times[0])
-        if lane.place >= one.track.end - first:
+        if lane.place >= one.track.end - one.begin:
             return 1.0
         start = one.reserved[0]
         if lane.place == 0.0 and self._hold(lane, self._speed)[0] > 0:
@@ -376,8 +377,7 @@ class Line:
         item, one = self._item(lane), self.plans[lane.plan]
         if item is None or one.track is None:
             return
-        first = float(one.plan.plan.tube.times[0])
-        left = one.track.end - first - lane.place
+        left = one.track.end - one.begin - lane.place
         if 0.0 <= left <= GRIP:
             item += self._speed / one.track.speed * dt
             lane.apart = max(lane.apart, abs(item - lane.place) * one.track.speed)
