@@ -1,14 +1,19 @@
 """Two arms on line: apart by Coal, never both yielding, never stuck, at a true belt."""
 
 from dataclasses import replace
+from math import ceil, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from armguard.maps.cell_plan import CoordinationError
+from armguard.maps.job import read_line_job
 from armguard.maps.line_cell import Conveyor, Job, LineCell, LinePlan, Track
+from armguard.maps.line_run import LineRun
 from armguard.maps.online import Line
-from armguard.maps.right_of_way import Order
+from armguard.maps.right_of_way import STEP, Order
+from coordinating.judge import Found, executed, known_cell
 from crossing import cell_of, plan_through
 from verifying.plans import World
 
@@ -184,3 +189,49 @@ def test_plans_begin_and_end_at_one_place_clear_of_the_other_arm(world, known):
 def test_unknown_plans_of_jobs_are_named(known):
     with pytest.raises(CoordinationError, match="job 1: 'left dep' is no plan"):
         Line(known).add(Job(1, ("left dep",)))
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "line" / "job.yaml"
+
+
+@pytest.fixture(scope="module")
+def example():
+    return read_line_job(EXAMPLE)
+
+
+# Phases of the belt at which a job once began though the other arm, which followed an
+# item, would keep it waiting too long; at the last one an arm set out too late.
+@pytest.mark.parametrize("phase", [0.0, 1.5708, 2.0944, 3.1416, 5.7596])
+def test_a_job_that_begins_catches_its_item_on_a_belt_of_changing_speed(example, phase):
+    run, now, travel, events = LineRun(example), 0.0, 0.0, []
+    while True:
+        speed = 0.2 * (1.0 + 0.15 * sin(now + phase))
+        travel += speed * CYCLE
+        moves = run.step(now, (travel, speed))
+        events += run.take_events()
+        if not moves:
+            break
+        now = round(now / CYCLE + 1.0) * CYCLE
+    assert sum("begins" in one for one in events) >= 2
+    assert not any("misses" in one for one in events)
+    assert run.summary()["fault"] == ""
+
+
+@pytest.mark.parametrize("before", [0.1, 0.0])
+def test_an_arm_that_cannot_wait_any_more_is_held_until_it_has_followed(known, before):
+    line = Line(known)
+    lane = line.lanes[0]
+    lane.plan, lane.job, lane.pace = "left belt", Job(1, ("left belt",)), 1.0
+    start, end = known.plans["left belt"].reserved
+    lane.place = start - before
+    assert lane.stop > start
+    pace = BELT.slowest / TRACK.speed
+    assert line._hold(lane, BELT.slowest)[0] == ceil((end - lane.place) / pace / STEP)
+
+
+def test_an_order_in_which_both_slow_down_is_not_taken_up():
+    # The stream of items and the plans at which it was.
+    found = Found()
+    executed(Line(known_cell(2)), 2, 10.0, found, guarded=False)
+    assert found.counts["yields"] > 100
+    assert found.counts["both_yield"] == 0

@@ -72,8 +72,7 @@ class Line:
         self.events: list[str] = []
         self.fault = ""
         order = self._order(0)
-        # `LineCell` has seen that plans begin clear of each other.
-        assert order is not None
+        assert order is not None, "`LineCell` has plans that begin clear of each other"
         self.order = order
 
     @property
@@ -151,7 +150,6 @@ class Line:
             self._dt = min(now - self._now, STEP) if self._now > -inf else 0.0
             self._now = now
         else:
-            # It slows down as if a cycle had passed.
             self.stop(f"time went from {self._now:g} s to {now:g} s")
         if belt and not belt.slowest <= speed <= belt.fastest:
             self.stop(
@@ -204,7 +202,9 @@ class Line:
             lane.job, lane.plan, lane.place = job, name, 0.0
             lane.lost, lane.apart = False, 0.0
             found = self._order(first)
-            if found is None or not self._in_time(found):
+            # In a tight order both may yield, unless the other one rests.
+            tight = found is not None and found.tight and self.lanes[1 - k].job
+            if found is None or tight or not self._in_time(found):
                 lane.job, (lane.plan, lane.place) = None, before
                 lane.tried += 1
                 return
@@ -270,7 +270,7 @@ class Line:
             return
         self._turn = 1 - self._turn
         found = self._order(self._turn)
-        saves = 0.0 if found is None else cost - self._cost(found)
+        saves = cost - self._cost(found) if found and not found.tight else 0.0
         if found and saves > self._gain and self._in_time(found):
             self.order = found
             self.events.append(f"another order, which saves {saves:.1f} s")
@@ -317,7 +317,7 @@ class Line:
         if item is None or reserved is None or track is None:
             return 0, 0, 0
         pace = speed / track.speed
-        if lane.place > reserved[0]:
+        if lane.stop > reserved[0]:
             left = max(reserved[1] - lane.place, 0.0)
             return ceil(left / pace / STEP), 0, 0
         comes = (reserved[0] - item) / pace - (reserved[0] - lane.place)
@@ -353,13 +353,13 @@ class Line:
 
     def _alone(self, lane: Lane, dt: float) -> float:
         """Pace of a robot without the other one, by its item [-]."""
-        item, one = self._item(lane), self.plans[lane.plan]
-        if item is None or one.track is None or one.reserved is None:
+        item, belt, one = self._item(lane), self.conveyor, self.plans[lane.plan]
+        if item is None or belt is None or one.track is None or one.reserved is None:
             return 1.0
         if lane.place >= one.track.end - one.begin:
             return 1.0
         start = one.reserved[0]
-        if lane.place == 0.0 and self._hold(lane, self._speed)[0] > 0:
+        if lane.place == 0.0 and self._hold(lane, belt.fastest)[0] > 0:
             # It rests clear of the other robot as long as it can.
             return 0.0
         if lane.place <= start:
