@@ -102,6 +102,16 @@ def test_jobs_are_done_and_their_motion_is_proven_clear(folder):
     assert not PlanVerifier(scene).verify(ag.Plan.of(crash, scene)).clear
 
 
+def test_the_motion_of_the_example_is_proven(tmp_path):
+    motion = tmp_path / "motion.csv"
+    words = ["coordinate", str(EXAMPLE / "job.yaml"), "--motion", str(motion)]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    assert "4 of 4 jobs done" in answer.stdout
+    words = ["verify", str(motion), "--scene", str(EXAMPLE / "cell.yaml")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+
+
 def test_the_answer_as_json(folder):
     answer = CliRunner().invoke(app, ["coordinate", str(written(folder)), "--json"])
     found = json.loads(answer.stdout)
