@@ -112,6 +112,13 @@ def test_the_motion_of_the_example_is_proven(tmp_path):
     assert CliRunner().invoke(app, words).exit_code == 0
 
 
+@pytest.mark.parametrize("options", [["--belt"], ["--motion", "m.csv", "--port", "1"]])
+def test_options_that_do_not_go_together_are_refused(folder, options):
+    answer = CliRunner().invoke(app, ["coordinate", str(written(folder)), *options])
+    assert answer.exit_code == 2
+    assert "--belt needs a --port" in answer.output
+
+
 def test_the_answer_as_json(folder):
     answer = CliRunner().invoke(app, ["coordinate", str(written(folder)), "--json"])
     found = json.loads(answer.stdout)

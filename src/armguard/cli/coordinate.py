@@ -142,6 +142,8 @@ def coordinate(
     Exit code 0 all jobs are done, 1 an item is missed or both robots stopped, 2 bad
     input.
     """
+    if (port is None and belt) or (port is not None and motion is not None):
+        raise typer.BadParameter("--belt needs a --port; --motion goes without one")
     with loading_bar() as progress:
         run = LineRun(read_line_job(job, progress))
     if port is None:
