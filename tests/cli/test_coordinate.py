@@ -230,6 +230,17 @@ def test_robots_that_the_guard_holds_stop_both(folder):
     assert run.line.fault.startswith("left: stopped")
 
 
+def test_a_robot_that_is_not_where_its_plans_begin_is_not_led_there(folder):
+    run = LineRun(read_line_job(written(folder)))
+    hands = LineHands(run, None, quiet=True)
+    q, _ = run.line.motion()
+    q[0] += 0.3
+    for k in range(3):
+        desired, _ = hands.drive(0.02 * k, q, {})
+        assert not desired.any()
+    assert run.line.fault.startswith("left/turn is 0.300 rad") and not hands.moves
+
+
 @pytest.mark.realtime
 def test_robots_of_a_service_execute_the_example(tmp_path):
     jobs = YAML(typ="safe").load(EXAMPLE / "job.yaml")

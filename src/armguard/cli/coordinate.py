@@ -106,6 +106,9 @@ class LineHands:
                 self._run.line.stop(self._encoder.problem)
         self.moves = self._run.step(self.now, measured)
         desired = self._run.velocities(q)
+        if self._run.line.fault:
+            # They slow down where they are: no proof covers the way back to a plan.
+            _, desired = self._run.line.motion()
         print_events(self._run, self.now, self._quiet)
         return desired, []
 
