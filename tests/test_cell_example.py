@@ -9,7 +9,7 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from armguard.cli.app import app
-from armguard.maps.job import read_job
+from armguard.maps.job import map_of, read_job
 
 FOLDER = Path(__file__).parents[1] / "examples" / "cell"
 COMMANDS = re.findall(r"^armguard (.+)$", (FOLDER / "README.md").read_text(), re.M)
@@ -45,7 +45,7 @@ def test_its_commands_lead_from_plans_to_interlocks(answer, tmp_path):
 
 
 def test_its_schedule_saves_a_third_of_the_time_and_obeys_its_interlocks():
-    cell = read_job(FOLDER / "cell-job.yaml")
+    cell = map_of(read_job(FOLDER / "cell-job.yaml"))
     assert [one.name for one in cell.segments["left"]][:2] == ["fetch", "lift"]
     assert not any(cell.alone.values())
     run = cell.execute(cell.interlocks())

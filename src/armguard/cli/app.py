@@ -13,6 +13,7 @@ from armguard.cli.keys import keys
 from armguard.cli.map import map_plans
 from armguard.cli.replay import replay
 from armguard.cli.report import report
+from armguard.cli.reserve import reserve
 from armguard.cli.reset import reset
 from armguard.cli.run import run
 from armguard.cli.sensing import sensing
@@ -42,6 +43,7 @@ for command in (
     report,
     batch,
     coordinate,
+    reserve,
     chaos,
 ):
     app.command()(command)

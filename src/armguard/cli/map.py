@@ -22,7 +22,7 @@ from armguard.cli.console import (
 from armguard.maps.cell_plan import CoordinationError
 from armguard.maps.coordination import CoordinationMap
 from armguard.maps.interlocks import Interlock
-from armguard.maps.job import read_job
+from armguard.maps.job import map_of, read_job
 from armguard.maps.picture import draw_map, draw_slice
 from armguard.maps.schedule import Schedule
 from armguard.maps.slices import configuration_slice
@@ -71,7 +71,7 @@ def map_plans(options: Options) -> None:
     if options.job is None:
         raise CoordinationError("give a cell job, or --joints and --scene")
     with loading_bar() as progress:
-        cell = read_job(options.job, progress)
+        cell = map_of(read_job(options.job, progress))
     schedule, interlocks, problem = None, tuple[Interlock, ...](), None
     try:
         schedule = cell.schedule()

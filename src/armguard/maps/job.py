@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -61,8 +61,22 @@ class JobModel(Strict):
     plans: Annotated[dict[Name, PlanEntry], Field(min_length=2)]
 
 
-def read_job(path: Path, progress: Progress | None = None) -> CoordinationMap:
-    """The map of a cell job.
+class CellJob(NamedTuple):
+    """A cell job as it is read.
+
+    Attributes:
+        scene: Its scene.
+        floor: See `JobModel` [m].
+        plans: The plan of each robot.
+    """
+
+    scene: Scene
+    floor: float
+    plans: dict[str, CellPlan]
+
+
+def read_job(path: Path, progress: Progress | None = None) -> CellJob:
+    """A cell job.
 
     Args:
         path: The job, YAML.
@@ -71,7 +85,6 @@ def read_job(path: Path, progress: Progress | None = None) -> CoordinationMap:
     Raises:
         SceneFileError: The file is no cell job, or its scene file is wrong.
         TrajectoryError: A plan is no plan of its robot.
-        CoordinationError: The plans cannot be coordinated.
     """
     source = YamlSource(path)
     job = model_of(source, JobModel, PlanEntry)
@@ -82,8 +95,16 @@ def read_job(path: Path, progress: Progress | None = None) -> CoordinationMap:
             near = did_you_mean(robot, scene.robots)
             raise source.problem(("plans", robot), f"is no robot of the scene; {near}")
         plans[robot] = plan_of(robot, entry, path.parent, scene)
-    coordinator = Coordinator(scene, tuple(plans), floor=job.floor)
-    return coordinator.map(plans)
+    return CellJob(scene, job.floor, plans)
+
+
+def map_of(job: CellJob) -> CoordinationMap:
+    """The map of a cell job.
+
+    Raises:
+        CoordinationError: The plans cannot be coordinated.
+    """
+    return Coordinator(job.scene, tuple(job.plans), floor=job.floor).map(job.plans)
 
 
 def plan_of(robot: str, entry: PlanEntry, folder: Path, scene: Scene) -> CellPlan:
