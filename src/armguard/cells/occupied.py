@@ -50,7 +50,7 @@ class Visits(NamedTuple):
     Attributes:
         first: Number of the first cell along each axis; that at the origin of the world
             is 0, shape (3,).
-        count: Cells along each axis, multiples of 16, shape (3,).
+        counts: Cells along each axis, multiples of 16, shape (3,).
         open: Last run of each cell, -1 before its first one; by z, then y, then x.
         runs: Cell, first and last tile of each run, shape (r, 3).
         size: How many runs there are, which may be more than there is room for,
@@ -58,7 +58,7 @@ class Visits(NamedTuple):
     """
 
     first: LongVector
-    count: LongVector
+    counts: LongVector
     open: IntVector
     runs: LongMatrix
     size: LongVector
@@ -101,7 +101,7 @@ def visit_cells(
         place_row(kinds[i], local_rows[i], T_world[bodies[i]], row)
         row_bounds(kinds[i], row, growth[i] + ROUND_OFF, box)
         for k in range(3):
-            low, high = v.first[k] * edge, (v.first[k] + v.count[k]) * edge
+            low, high = v.first[k] * edge, (v.first[k] + v.counts[k]) * edge
             if not (box[k] >= low and box[k + 3] < high):
                 return OUTSIDE
         for x in range(floor(box[0] / width), floor(box[3] / width) + 1):
@@ -172,7 +172,7 @@ def visit_all(x: int, y: int, z: int, side: int, tile: int, v: Visits) -> None:
     x, y, z = x - v.first[0], y - v.first[1], z - v.first[2]
     for k in range(z, z + side):
         for j in range(y, y + side):
-            row = (k * v.count[1] + j) * v.count[0]
+            row = (k * v.counts[1] + j) * v.counts[0]
             for cell in range(row + x, row + x + side):
                 visit(cell, tile, v)
 

@@ -167,7 +167,6 @@ class RegionMaker:
         Raises:
             CoordinationError: The robot reaches too far for these cells.
         """
-        tube = plan.tube(self._tables, robot)
         tiles = tube.tiles(2.0 * MOTION * self.edge / self._lever)
         middles, halves = boxes_of(tiles, tube_table([tube], inf))
         segment = tiles[:, 0].astype(np.intp)
@@ -220,20 +219,21 @@ class RegionMaker:
         ).transpose(1, 0, 2)
         width = SIDE * self.edge
         first = np.floor(low.min(axis=0) / width).astype(np.int64) * SIDE
-        count = np.floor(high.max(axis=0) / width).astype(np.int64) * SIDE
-        count += SIDE - first
-        if np.abs(first).max() >= MIDDLE or (first + count).max() >= MIDDLE:
+        counts = np.floor(high.max(axis=0) / width).astype(np.int64) * SIDE
+        counts += SIDE - first
+        if np.abs(first).max() >= MIDDLE or (first + counts).max() >= MIDDLE:
             raise CoordinationError(
-                f"'{robot}' reaches beyond {MIDDLE * self.edge:g} m; choose larger cells"
+                f"'{robot}' reaches beyond {MIDDLE * self.edge:g} m; choose larger "
+                "cells"
             )
         numbers = [one.primitive for one in own]
         given = t.kinds[numbers], t.local_rows[numbers], t.bodies[numbers]
-        room = int(count.prod())
+        room = int(counts.prod())
         while True:
             visits = Visits(
                 first=first,
-                count=count,
-                open=np.full(int(count.prod()), -1, dtype=np.int32),
+                counts=counts,
+                open=np.full(int(counts.prod()), -1, dtype=np.int32),
                 runs=np.empty((room, 3), dtype=np.int64),
                 size=np.zeros(1, dtype=np.int64),
             )
@@ -246,8 +246,8 @@ class RegionMaker:
                 break
             room = size
         runs = visits.runs[:size]
-        z, rest = np.divmod(runs[:, CELL], count[0] * count[1])
-        y, x = np.divmod(rest, count[0])
+        z, rest = np.divmod(runs[:, CELL], counts[0] * counts[1])
+        y, x = np.divmod(rest, counts[0])
         cells = np.zeros_like(x)
         for axis, place in enumerate((x, y, z)):
             cells = cells << AXIS_BITS | place + first[axis] + MIDDLE
