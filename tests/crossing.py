@@ -5,6 +5,10 @@ import numpy as np
 import armguard as ag
 from armguard.maps.cell_plan import CellPlan
 from arms import simple_arm
+from verifying.oracle import positions
+
+# Declared errors [rad, s].
+FOLLOWING, SKEW = 0.01, 0.02
 
 # Where the arms stand [m]; they turn about z, the third one by half a turn at rest.
 BASES = {
@@ -43,3 +47,30 @@ def swings(scene, seed, rows=7, **errors):
         turns[1::2] = rng.uniform(0.4, 0.8, len(turns[1::2]))
         found[robot] = plan_through(scene, robot, side * turns, **errors)
     return found
+
+
+def worst_rows(world, plans, times, rng, following=FOLLOWING, skew=SKEW):
+    """Rows at times of both plans, with every joint and clock off to one side."""
+    names, columns = world.scene.q_names, []
+    for robot, own in zip(plans, times.T, strict=True):
+        tube = plans[robot].plan.tube
+        late = own + skew * rng.choice([-1.0, 1.0], len(own))
+        rows = positions(tube, np.clip(late, tube.times[0], tube.times[-1]))
+        chosen = [name.startswith(f"{robot}/") for name in names]
+        columns.append((chosen, rows[:, chosen]))
+    found = np.zeros((len(times), len(names)))
+    for chosen, rows in columns:
+        found[:, chosen] = rows
+    return found + following * rng.choice([-1.0, 1.0], found.shape)
+
+
+def pairs_between(oracle):
+    """Which of the oracle's pairs are of two robots."""
+    return [a.split("/")[0] != b.split("/")[0] for a, b in oracle.pairs]
+
+
+def headroom(world, rows):
+    """Least distance of links of both robots above their buffer, shape (k,) [m]."""
+    own = pairs_between(world.oracle)
+    buffers = np.array([world.oracle.buffer(*pair) for pair in world.oracle.pairs])
+    return (world.oracle.distances(rows) - buffers)[:, own].min(axis=1)

@@ -43,6 +43,10 @@ MOTION = 0.5
 AXIS_BITS = 16
 MIDDLE = 1 << (AXIS_BITS - 1)
 
+# Most cells that a robot may reach, and room for runs of tiles at first [-].
+MOST_CELLS = 1 << 27
+ROOM = 1 << 17
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
@@ -217,18 +221,19 @@ class RegionMaker:
         low, high = np.array(
             [one.box(poses, growths[:, k]) for k, one in enumerate(own)]
         ).transpose(1, 0, 2)
-        width = SIDE * self.edge
-        first = np.floor(low.min(axis=0) / width).astype(np.int64) * SIDE
-        counts = np.floor(high.max(axis=0) / width).astype(np.int64) * SIDE
-        counts += SIDE - first
-        if np.abs(first).max() >= MIDDLE or (first + counts).max() >= MIDDLE:
+        # Whole cubes, and one more on each side.
+        low, high = low.min(axis=0) / self.edge, high.max(axis=0) / self.edge
+        far = max(np.abs(low).max(), np.abs(high).max()) >= MIDDLE - 2 * SIDE
+        if far or not (high - low + 3 * SIDE).prod() < MOST_CELLS:
             raise CoordinationError(
-                f"'{robot}' reaches beyond {MIDDLE * self.edge:g} m; choose larger "
-                "cells"
+                f"'{robot}' reaches too far for cells of {self.edge:g} m; choose "
+                "larger ones"
             )
+        first = (np.floor(low / SIDE).astype(np.int64) - 1) * SIDE
+        counts = (np.floor(high / SIDE).astype(np.int64) + 2) * SIDE - first
         numbers = [one.primitive for one in own]
         given = t.kinds[numbers], t.local_rows[numbers], t.bodies[numbers]
-        room = int(counts.prod())
+        room = ROOM
         while True:
             visits = Visits(
                 first=first,

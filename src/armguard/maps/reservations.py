@@ -249,13 +249,13 @@ class Reservations:
                     break
             else:
                 reasons = [
-                    f"'{one.robot}' by {blocker.sentence}"
+                    f"{blocker.sentence} blocks '{one.robot}'"
                     for one, starts in asked
                     if (blocker := starts.blocker(after)) is not None
                 ]
                 raise CoordinationError(
-                    f"no plan can start: {', '.join(reasons)} blocked for ever; give "
-                    "one of them a first plan that makes room"
+                    f"no plan can start: {', '.join(reasons)}, where they rest; give "
+                    "one of them another plan first, which makes room"
                 )
             end = start + one.duration
             found.append(Booking(one.robot, start, end, starts.blocker(first)))
