@@ -1,6 +1,6 @@
 """Maps and schedules of two arms against Coal; writes docs/map.json and docs/map.md.
 
-make map-campaign                                      1,000 schedules, 10⁷ samples
+make map-campaign                                      schedules, 10⁷ samples, reservations
 make map-campaign ARGS="--kind schedules --episodes 50"   some of one kind
 make map-campaign ARGS=--page                          the page from what is known
 
@@ -14,6 +14,7 @@ from functools import partial
 from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures, version_of
 from mapping.judge import judged_map, judged_schedule, look_up_time
+from mapping.reserved import judged_reservation
 from pages import DOCS
 
 # Distances of the arms [m], and what a map of them is to keep to [s, -].
@@ -24,6 +25,10 @@ SCHEDULES = "schedules"
 LEFT_OUT = {"no following error known": "following error", "no skew known": "skew"}
 
 LOOK_UP = "look-up"
+
+RESERVATIONS = "reservations"
+
+JUDGED, RESERVED = version_of("mapping.judge"), version_of("mapping.reserved")
 
 # Counts that break a promise, in words.
 BROKEN = {"false_free": "false free", "contacts": "contact", "deadlocks": "deadlock"}
@@ -43,6 +48,11 @@ def scheduled(left_out: str, seed: int) -> Episode:
     return {"seed": seed, **found}
 
 
+def reserved(seed: int) -> Episode:
+    """Reservations, executed and judged."""
+    return {"seed": seed, **judged_reservation(1.2 if seed % 2 else 1.0, seed)}
+
+
 def look_up(seed: int) -> Episode:
     """Time of a look-up [ns]."""
     return {"seed": seed, "nanoseconds": look_up_time(seed)}
@@ -59,6 +69,9 @@ def summed_up(kind: str, episodes: list[Episode]) -> Figures:
         found["most_unknown"] = max(one["unknown"] for one in episodes)
         found["slow"] = sum(one["seconds"] > MOST_SECONDS for one in episodes)
         found["vague"] = sum(one["unknown"] > MOST_UNKNOWN for one in episodes)
+    elif kind == RESERVATIONS:
+        found["most_reserving"] = max(one.get("reserving", 0.0) for one in episodes)
+        found["touched"] = sum(one.get("contacts", 0) > 0 for one in episodes)
     elif kind != LOOK_UP:
         touched = [one.get("contacts", 0) + one.get("expected", 0) for one in episodes]
         found["touched"] = sum(count > 0 for count in touched)
@@ -87,10 +100,11 @@ CAMPAIGN = Campaign(
         **{kind: partial(mapped, kind) for kind in APART},
         SCHEDULES: partial(scheduled, ""),
         **{kind: partial(scheduled, error) for kind, error in LEFT_OUT.items()},
+        RESERVATIONS: reserved,
         LOOK_UP: look_up,
     },
-    version=version_of("mapping.judge"),
-    extreme={"most_seconds": max, "most_unknown": max},
+    version=lambda kind: (RESERVED if kind == RESERVATIONS else JUDGED)(kind),
+    extreme={"most_seconds": max, "most_unknown": max, "most_reserving": max},
     summed_up=summed_up,
     digest=digest,
     is_broken=is_broken,
@@ -99,6 +113,7 @@ CAMPAIGN = Campaign(
     shares={
         **dict.fromkeys(APART, 0.056),
         **dict.fromkeys(LEFT_OUT, 0.05),
+        RESERVATIONS: 0.2,
         LOOK_UP: 0.001,
     },
     written=10,

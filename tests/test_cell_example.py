@@ -31,11 +31,13 @@ def answer(tmp_path, monkeypatch):
 
 
 def test_its_commands_lead_from_plans_to_interlocks(answer, tmp_path):
-    assert len(COMMANDS) == 5
-    _, left, right, job, joints = map(answer, COMMANDS)
+    assert len(COMMANDS) == 6
+    _, left, right, job, starts, joints = map(answer, COMMANDS)
     assert "OK, every pair keeps its buffer" in left
     assert "OK, every pair keeps its buffer" in right
     assert "s together, 18.5 s one after the other, 9.5 s if neither were there" in job
+    assert "'left' starts at 0.00 s and ends at 9.50 s" in starts
+    assert "until then 'left' near (0.38, 0.07, 0.53) has reserved a cell" in starts
     assert "left/panda_joint2 and left/panda_joint4, the others at home" in joints
     results = tmp_path / "results"
     written = YAML(typ="safe").load(results / "interlocks.yaml")["interlocks"]

@@ -37,7 +37,7 @@ Longs = NDArray[np.int64]
 # Edge of a cell [m], and how far primitives are grown at most for the motion within a
 # tile, as a share of the edge.
 EDGE = 0.03
-MOTION = 0.5
+MOTION = 1.0
 
 # Bits of the number of a cell for each axis, and the number of the cell at the origin.
 AXIS_BITS = 16
