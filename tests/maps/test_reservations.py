@@ -11,8 +11,10 @@ from armguard.errors import ArmguardError
 from armguard.geometry import Box, Capsule, Cylinder, Sphere
 from armguard.geometry.shapes.row import shape_row
 from armguard.maps.cell_plan import CoordinationError
-from armguard.maps.regions import AXIS_BITS, EDGE, MIDDLE, Rows
+from armguard.maps.regions import AXIS_BITS, EDGE, MIDDLE, Carried, Rows
 from armguard.maps.reservations import Blocker, Reservations, Starts
+from armguard.scene import compile_scene
+from armguard.scene.poses import body_poses
 from armguard.table import Ledger
 from coal_shapes import coal_request
 from crossing import (
@@ -79,6 +81,26 @@ def test_a_start_that_is_much_earlier_leads_to_contact(world):
         starts = {"left": 0.0, "right": max(right.start - 0.8, 0.0)}
         close += bool((gaps(world, plans, starts, seed) < 0.02).any())
     assert close >= 0.7 * early > 0
+
+
+def test_no_point_of_a_primitive_moves_farther_than_its_bound(world):
+    tables, rng = compile_scene(world.scene), np.random.default_rng(5)
+    ratios = []
+    for i in range(tables.moving_count):
+        body, row = tables.bodies[i], tables.local_rows[i]
+        ends = row[1:7].reshape(2, 3)
+        for _ in range(20):
+            q, halves = rng.uniform(-1.0, 1.0, (2, len(tables.q_names)))
+            halves = 0.05 * np.abs(halves)
+            turned = q + halves * rng.choice([-1.0, 1.0], (200, len(q)))
+            poses = np.array([body_poses(tables, one) for one in (q, *turned)])
+            bound = Carried(i, tables).moved(poses[:1], halves[None])[0]
+            T = poses.reshape(len(poses), -1, 3, 4)[:, body]
+            places = ends @ T[:, :, :3].transpose(0, 2, 1) + T[:, None, :, 3]
+            ways = np.linalg.norm(places[1:] - places[0], axis=2)
+            assert ways.max() <= bound
+            ratios.append(ways.max() / bound)
+    assert max(ratios) > 0.8
 
 
 def test_forbidden_starts_are_those_of_overlapping_intervals():
