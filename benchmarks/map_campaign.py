@@ -1,6 +1,6 @@
 """Maps and schedules of two arms against Coal; writes docs/map.json and docs/map.md.
 
-make map-campaign                                      schedules, 10⁷ samples, reservations
+make map-campaign                            schedules, samples of maps, reservations
 make map-campaign ARGS="--kind schedules --episodes 50"   some of one kind
 make map-campaign ARGS=--page                          the page from what is known
 
