@@ -216,7 +216,7 @@ class ContractTable:
         rows = self.grippers.grips.contracts
         # Most rows are unused, and a look at each takes longer than a cycle.
         idle = np.isin(rows["state"], (ContractState.NONE, ContractState.DORMANT))
-        for k in np.flatnonzero(~idle):
+        for k in np.flatnonzero(~idle).tolist():
             row = rows[k]
             yield contract_of_row(row, names[int(row.first_a)], names[int(row.first_b)])
 
