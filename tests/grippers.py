@@ -85,7 +85,7 @@ class Loop:
         if self.rng is not None:
             most = FIGURES["tracking_error"]
             self.v = self.v + self.rng.uniform(-most, most, len(self.v))
-        if command.action == 0 or self.v.any():
+        if self.v.any() or command.action == 0:
             self.v = self.v + self.drift
         self.q = self.q + self.v * PERIOD
         self.t += PERIOD
@@ -136,22 +136,22 @@ def boxes_at(guard, q, held=None, T_held=None):
 
     Args:
         guard: The guard, for names and where free objects stand.
-        q: Joint positions.
+        q: Joint positions, shape (n,), or (k, n) for k cycles: corners are then (k, 3).
         held: Robot that carries each object that is held.
         T_held: Where the object's middle is from the hand's, by object.
     """
-    at = dict(zip(guard.q_names, q, strict=True))
+    at = dict(zip(guard.q_names, np.asarray(q).T, strict=True))
     found = {"table": (np.array([-1.0, -1.0, -0.1]), np.array([1.0, 1.0, 0.0]))}
     hands = {}
     for part in guard.tables.robots:
         name = part.name
         base = BASES.get(name, np.zeros(3))
-        hand = base + [at[f"{name}/{axis}"] for axis in "xyz"]
+        hand = base + np.stack([at[f"{name}/{axis}"] for axis in "xyz"], axis=-1)
         hands[name] = hand
         found[f"{name}/hand"] = (hand - HAND, hand + HAND)
         for finger, side in (("left", 1.0), ("right", -1.0)):
             out = side * (CLOSED + at[f"{name}/open_{finger}"])
-            middle = hand + np.array([0.0, out, -BELOW])
+            middle = hand + np.stack([0.0 * out, out, 0.0 * out - BELOW], axis=-1)
             found[f"{name}/{finger}"] = (middle - FINGER, middle + FINGER)
     for name, item in guard.tables.holds.objects.items():
         middle = guard.tables.T_parent_joint[item.body][[3, 7, 11]]
@@ -166,8 +166,7 @@ BASES: dict[str, np.ndarray] = {}
 
 
 def gap(a, b):
-    """Signed distance of two boxes along the axes, each by its corners [m]."""
+    """Signed distances of two boxes along the axes, each by its corners [m]."""
     apart = np.maximum(a[0] - b[1], b[0] - a[1])
-    if apart.max() > 0.0:
-        return float(np.linalg.norm(np.maximum(apart, 0.0)))
-    return float(apart.max())
+    most = apart.max(axis=-1)
+    return np.where(most > 0.0, np.linalg.norm(np.maximum(apart, 0.0), axis=-1), most)

@@ -1,7 +1,6 @@
 """Planned stops of one joint, from numbers."""
 
-import numba
-
+from armguard.kernel import kernel
 from armguard.motion.figures import JointFigures
 from armguard.motion.joint_stop import Order, plan_stop
 from armguard.record import maker
@@ -9,7 +8,7 @@ from armguard.record import maker
 new_figures = maker(JointFigures)
 
 
-@numba.njit(error_model="numpy")
+@kernel(entry=True)
 def plan(v, against, driven, order, top, a, settle, curve, out):
     figures = new_figures()
     figures.velocity, figures.acceleration, figures.settle = top, a, settle

@@ -2,14 +2,17 @@
 
 import json
 import re
+import subprocess
+import sys
 from io import StringIO
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from approach import ball_guard
 from armguard.cli import main
-from armguard.cli.app import app
+from armguard.cli.app import LISTED, app
 from armguard.cli.console import (
     STYLES,
     Lines,
@@ -129,7 +132,7 @@ def test_check_prints_how_far_links_go_on_and_the_source_of_that(tmp_path):
 
 
 def test_every_level_has_a_style_and_a_place_in_the_exit_code():
-    assert set(STYLES) == set(Level)
+    assert set(STYLES) == set(Level.__members__)
     for level in Level:
         found = exit_code({**dict.fromkeys(Level, 0), level: 1}, 0)
         assert found == (1 if level >= Level.STOP else 0)
@@ -296,6 +299,26 @@ def test_the_help_offers_completion_and_no_tree():
     said = run("--help").stdout
     assert "--install-completion" in said
     assert "octree" not in said
+
+
+def test_the_list_of_commands_begins_the_help_of_each():
+    commands = typer.main.get_command(app).commands
+    for name, row in LISTED.items():
+        assert commands[name].help.startswith(row.summary.removesuffix(".")), name
+
+
+@pytest.mark.parametrize("command", ["", "keys", "reset", "view", "report", "fleet"])
+def test_help_imports_neither_compiler_nor_scenes(command):
+    code = (
+        "import sys\n"
+        "from armguard.cli.app import app\n"
+        "try:\n    app(sys.argv[1:])\n"
+        "finally:\n    print({'numba', 'numpy', 'scipy'} & set(sys.modules))\n"
+    )
+    words = [sys.executable, "-c", code, *command.split(), "--help"]
+    ran = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert ran.stdout.startswith("Usage:")
+    assert ran.stdout.endswith("set()\n")
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from armguard.cli import command_line, main
 from armguard.entry import run_program
 from armguard.errors import SceneError
 from armguard.processes import FIRST
+from armguard.scene.bay import FOLDER, bay_path
 
 # Longer than any start on a busy machine, shorter than compiling takes [s].
 PATIENCE = 60.0
@@ -190,20 +191,30 @@ def test_a_cache_folder_that_others_may_write_to_is_refused(tmp_path, what):
     cache = tmp_path / "cache"
     cache.mkdir()
     cache.chmod(mode)
-    ended = check_bay(cache)
+    ended = run_bay(cache)
     assert ended.returncode == 2
-    assert sentence in ended.stdout
-    assert "set ARMGUARD_CACHE" in ended.stdout
+    assert sentence in ended.stderr
+    assert "set ARMGUARD_CACHE" in ended.stderr
     assert not list(cache.rglob("*.nb*"))
+
+
+def test_a_check_names_a_cache_folder_that_is_refused(tmp_path):
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(0o777)
+    ended = in_bay(tmp_path / "cache", "check")
+    assert ended.returncode == 2
+    assert "has mode 0777" in ended.stdout
+    assert "set ARMGUARD_CACHE" in ended.stdout
+    assert not list((tmp_path / "cache").rglob("*.nb*"))
 
 
 def test_a_cache_folder_below_one_that_all_may_change_is_refused(tmp_path):
     above = tmp_path / "shared"
     above.mkdir()
     above.chmod(0o777)
-    ended = check_bay(above / "cache")
+    ended = run_bay(above / "cache")
     assert ended.returncode == 2
-    assert "every user may rename folders" in ended.stdout
+    assert "every user may rename folders" in ended.stderr
 
 
 def test_a_cache_folder_of_another_user_is_refused(tmp_path):
@@ -212,9 +223,9 @@ def test_a_cache_folder_of_another_user_is_refused(tmp_path):
     if os.geteuid() != 0:
         pytest.skip("only root may give a folder away")
     os.chown(cache, 65534, 65534)
-    ended = check_bay(cache)
+    ended = run_bay(cache)
     assert ended.returncode == 2
-    assert "belongs to user 65534" in ended.stdout
+    assert "belongs to user 65534" in ended.stderr
 
 
 def test_a_new_cache_folder_is_the_users_own(tmp_path):
@@ -232,15 +243,15 @@ def test_a_new_cache_folder_is_the_users_own(tmp_path):
     assert [path.stat().st_mode & 0o777 for path in (cache, inner)] == [0o700, 0o700]
 
 
-def check_bay(cache: Path):
-    """`armguard check` with another cache folder."""
+def run_bay(cache: Path):
+    """`armguard run` with another cache folder: its guard is the first to compile."""
+    return in_bay(cache, "run", "--trajectory", str(FOLDER / "task_150.csv"))
+
+
+def in_bay(cache: Path, command: str, *options: str):
+    """A command for the bay with another cache folder."""
     return subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            "from armguard.cli import main; from armguard.scene.bay import bay_path;"
-            "import sys; sys.argv = ['armguard', 'check', str(bay_path())]; main()",
-        ],
+        [sys.executable, "-m", "armguard", command, str(bay_path()), *options],
         env={**os.environ, "ARMGUARD_CACHE": str(cache), "COLUMNS": "400"},
         capture_output=True,
         text=True,

@@ -3,13 +3,13 @@
 Each is tested just inside and just outside the bound that the figures give.
 """
 
-import numba
 import numpy as np
 import pytest
 
 from armguard.guard import Level, Reason
 from armguard.guard.stops import order
 from armguard.guard.watch import BRAKING, LOST, RESTING, RUNNING, STOPPING
+from armguard.kernel import kernel
 from sliding import (
     EXACT,
     MEASURED,
@@ -318,7 +318,7 @@ def test_a_stop_under_way_is_named_as_such_but_not_of_a_slide_that_moved_at_rest
         assert verdict.reason is (known if k else first)
 
 
-@numba.njit
+@kernel(entry=True)
 def order_brake(v, m):
     """Order the brake of the first robot at 5 s."""
     order(0, BRAKING, 30, 5.0, v, m)

@@ -1,6 +1,5 @@
 """A robot's time to contact is that of its first pair, as if all were looked at."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -24,7 +23,7 @@ def look_at_all(lines, times):
         times[k, 1] = contact_time(near, w, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def time_of(distance, speed, push):
     return time_to_contact(distance, speed, push)
 

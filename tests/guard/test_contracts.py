@@ -1,6 +1,5 @@
 """Contracts that a client may request, held objects, and the models of a gripper."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -11,6 +10,7 @@ from armguard.guard.contracts import prove_with_contract
 from armguard.guard.grips import SPARE_CONTRACTS, ContractState
 from armguard.guard.watch import RECOVERING, RESTING
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.motion.pair_state import ALLOWED, EXCEEDED, PROVEN
 from armguard.motion.state import NEXT
 from armguard.scene import Gripper, Scene
@@ -386,7 +386,7 @@ def test_the_reason_has_its_sentence():
     assert "contract" in Reason.CONTRACT_EXCEEDED.sentence
 
 
-@numba.njit
+@kernel(entry=True)
 def prove(lines):
     """How the first near pair is proven."""
     w = open_workspace(lines)

@@ -2,7 +2,6 @@
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
@@ -23,6 +22,7 @@ from armguard.guard.watch import (
     LastCycle,
     Timing,
 )
+from armguard.kernel import kernel
 from armguard.motion import figures as figure
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.joint_stop import JointStop
@@ -106,52 +106,52 @@ def memory(rng, count=0, now=10.0):
     return v, m, list(zip(sent_at, sent, held, strict=True))[:count]
 
 
-@numba.njit
+@kernel(entry=True)
 def look(v, m):
     kernels.look_under_way(v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def drive(v, m):
     kernels.set_drives(v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def keep(r, share, v, m):
     kernels.keep_under_way(r, share, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def follows(v, m, out):
     return kernels.is_as_commanded(v, m, out)
 
 
-@numba.njit
+@kernel(entry=True)
 def passed(v):
     return kernels.time_passed(v)
 
 
-@numba.njit
+@kernel(entry=True)
 def rest(r, time, v, m):
     kernels.lead_to_rest(r, time, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def send(v, m):
     kernels.send(v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def growth(j, v, m):
     return joint_growth(j, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def grow(w, v, m):
     return bound_growth(w, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def expect(j, v, m):
     next_slot = v.sent_count[0] % v.sent_at.shape[0]
     kernels.expect_followed(j, next_slot, v, m)

@@ -2,7 +2,6 @@
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
@@ -11,6 +10,7 @@ from armguard.guard import Reason, contact_speed, needs, settling, stops
 from armguard.guard.grips import ContractRow
 from armguard.guard.layout import NearRow
 from armguard.guard.watch import BRAKING
+from armguard.kernel import kernel
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
@@ -57,7 +57,7 @@ def test_a_slide_near_its_top_speed_is_no_faster_than_declared(sign):
         assert sorted(bounds) == pytest.approx(sorted(known))
 
 
-@numba.njit
+@kernel(entry=True)
 def swing_speed(m):
     """Greatest speed of a joint's swing."""
     return settling.swing_speed(m.robot_figures[0], m.joint_figures[0])
@@ -76,7 +76,7 @@ def test_a_swing_is_as_fast_as_half_a_sine_of_three_tenths_of_its_time(longest):
     assert speeds.max() <= bound <= 1.01 * speeds.max()
 
 
-@numba.njit
+@kernel(entry=True)
 def slowed(bound, start, end, m):
     """Greatest speed of a joint after a part of a brake."""
     return stops.slowed(0, bound, start, end, BRAKING, m)
@@ -100,7 +100,7 @@ def test_a_brake_slows_by_its_deceleration_from_its_effect_on(deceleration, star
     assert slowed(0.9, start, end, m) == pytest.approx(known, abs=1e-3)
 
 
-@numba.njit
+@kernel(entry=True)
 def allowed_speed(distance, time, c):
     """Greatest closing speed that a contract allows."""
     return contact_speed.allowed_speed(distance, time, c)
@@ -120,7 +120,7 @@ def test_what_closes_as_fast_as_is_allowed_is_no_faster_when_its_stop_begins(
     assert speed == pytest.approx(max(then, creep))
 
 
-@numba.njit
+@kernel(entry=True)
 def closing_speed(i, j, w, v, m):
     """Bound of the closing speed of two primitives."""
     return needs.closing_speed(i, j, w, v, m)
@@ -146,7 +146,7 @@ def test_two_arms_of_a_trunk_close_at_the_sum_of_both_whatever_the_trunk_does(
     assert closing_speed(1, 0, w, v, m) == pytest.approx(known)
 
 
-@numba.njit
+@kernel(entry=True)
 def rate_along_normal(i, j, near, w, v, m):
     """Greatest closing speed of a pair, by its normal."""
     return needs.rate_along_normal(i, j, near, w, v, m)

@@ -1,6 +1,5 @@
 """When a gripper's intent is over, and what is put down comes slowly enough."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -13,6 +12,7 @@ from armguard.guard.intent import (
     settle_intended,
 )
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.record import records
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene import Grasp, Scene
@@ -20,12 +20,12 @@ from grippers import BELOW, BLOCK, add_gantry, guard_of
 from records import record
 
 
-@numba.njit
+@kernel(entry=True)
 def settle(h):
     settle_intended(1, h)
 
 
-@numba.njit
+@kernel(entry=True)
 def slowly(c, again, u, w, m):
     return approaches_slowly(c, again, u, w, m)
 
@@ -114,14 +114,14 @@ def test_what_is_put_down_comes_slowly_and_towards_it(
         assert slowly(c, again, u, w, m) == again
 
 
-@numba.njit
+@kernel(entry=True)
 def score(o, u, way, lines):
     w = open_workspace(lines)
     m, h = w.motion, w.grips
     return score_of(0, o, u, way, h, w, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def read(u, lines):
     w = open_workspace(lines)
     v, m = w.watch, w.motion

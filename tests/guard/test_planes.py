@@ -1,12 +1,12 @@
 """Remembered planes save work and change no answer."""
 
-import numba
 import numpy as np
 import pytest
 
 from armguard.geometry import Cone, Cylinder, Ellipsoid, Hull, Pose
 from armguard.geometry.shapes.row import shape_row
 from armguard.guard.planes import PLANE_COUNT, is_apart, remember_plane
+from armguard.kernel import kernel
 from armguard.respond import Guard
 from armguard.scene import Scene
 from armguard.scene.trajectory import densify
@@ -14,7 +14,7 @@ from arms import simple_arm
 from records import record
 
 
-@numba.njit
+@kernel(entry=True)
 def proves(look, w, witness):
     remember_plane(0, 1, w, witness)
     return is_apart(0, 1, look, w)

@@ -1,24 +1,24 @@
 """Proofs that outlive a change: what is left of them, and when that is too little."""
 
-import numba
 import numpy as np
 import pytest
 
 from armguard.geometry import Pose
 from armguard.guard.change import NO_ROW, TOO_MANY, note_pair, renew
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.motion.pair_state import PROVEN, UNSURE
 from sliding import APART, at_gap, let_go, slides
 
 SPEED = 0.5
 
 
-@numba.njit
+@kernel(entry=True)
 def renewed(lines):
     return renew(open_workspace(lines))
 
 
-@numba.njit
+@kernel(entry=True)
 def noted(lines):
     w = open_workspace(lines)
     note_pair(0, 1, 0, w.near[0], w, w.watch)

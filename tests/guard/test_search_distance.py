@@ -1,6 +1,5 @@
 """No pair that matters is left out: answers are those of a search of all pairs."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -13,6 +12,7 @@ from armguard.guard.needs import LOOK_AHEAD
 from armguard.guard.search_distance import pair_look
 from armguard.guard.static_errors import static_needs
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.lanes import WIDTH, load
 from armguard.respond import Guard
 from armguard.scene import bay_scene, two_pandas_scene
@@ -64,7 +64,7 @@ def test_stops_are_those_of_a_search_of_all_pairs(name, share):
     assert measured[0] < 0.5 * measured[1]
 
 
-@numba.njit
+@kernel(entry=True)
 def meeting(lines, out):
     """Bits of each block's pairs that may meet."""
     v = open_workspace(lines).watch
@@ -72,7 +72,7 @@ def meeting(lines, out):
         out[b] = may_meet(b, load(v.block_need[b], 0), v)
 
 
-@numba.njit
+@kernel(entry=True)
 def looks(lines, pairs, needs, out):
     """What is known of pairs before they are measured, shape (k, 3)."""
     w = open_workspace(lines)
@@ -129,7 +129,7 @@ def test_pairs_whose_swept_boxes_are_apart_are_sorted_out_and_no_others(name):
     assert near > 1000
 
 
-@numba.njit
+@kernel(entry=True)
 def write_distances(lines, pairs, out):
     """Distance of each pair of primitives, where the last cycle placed them [m]."""
     world = open_workspace(lines).world

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 
@@ -11,6 +10,7 @@ from armguard.errors import SceneError
 from armguard.geometry import Box, Pose, Sphere
 from armguard.guard import Level, Reason
 from armguard.guard.watch import RUNNING
+from armguard.kernel import kernel
 from armguard.respond import Guard
 from armguard.robot.stopping import stopping_figures
 from armguard.scene import Scene
@@ -423,7 +423,7 @@ def future(rng, q, v, free):
     return moments(x, speed, push, brake, f["ramp"], round(free / dt), dt)
 
 
-@numba.njit
+@kernel(entry=True)
 def moments(x, speed, push, brake, ramp, driven, dt):
     """Every fortieth position of joints that are driven for some steps, then stop."""
     rows = np.zeros((251, len(x)))

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 import trimesh
@@ -14,6 +13,7 @@ from armguard.guard import Level, Reason
 from armguard.guard.body_distance import body_distance
 from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.motion.pair_state import new_pair
 from armguard.motion.state import NEXT
 from armguard.respond import Guard
@@ -230,7 +230,7 @@ def measured(guard, gap):
     return guard.step([APART - RADIUS - tip - gap], 5.0, velocity=[0.0], now=5.0)
 
 
-@numba.njit
+@kernel(entry=True)
 def left_of_exact(i, j, need, drift, lines):
     """What exact shapes have left, looked at once and span by span [m]."""
     w = open_workspace(lines)

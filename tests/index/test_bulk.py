@@ -23,17 +23,19 @@ SPHERE, BOX = int(ShapeKind.SPHERE), int(ShapeKind.BOX)
 def picture_of(state):
     """Leaves by their places, with their members: what canonical means."""
     leaves = {}
+    nodes = {name: state.nodes[name].tolist() for name in ("members", "link", "place")}
+    of, after = (state.entries[x].tolist() for x in ("primitive", "next_in_leaf"))
     stack = [0]
     while stack:
         node = stack.pop()
-        if state.nodes[node].members == places.DIVIDED:
-            stack += range(state.nodes[node].link, state.nodes[node].link + 8)
+        if nodes["members"][node] == places.DIVIDED:
+            stack += range(nodes["link"][node], nodes["link"][node] + 8)
             continue
-        members, entry = [], state.nodes[node].link
+        members, entry = [], nodes["link"][node]
         while entry != places.NONE:
-            members.append(int(state.entries[entry].primitive))
-            entry = state.entries[entry].next_in_leaf
-        leaves[int(state.nodes[node].place)] = sorted(members)
+            members.append(of[entry])
+            entry = after[entry]
+        leaves[nodes["place"][node]] = sorted(members)
     return leaves
 
 

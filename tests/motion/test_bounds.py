@@ -1,6 +1,5 @@
 """Bounds are bounds: no point of a link moves farther than its levers say."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -8,6 +7,7 @@ from armguard import bay_scene
 from armguard.geometry import HalfSpace
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes import shape_row
+from armguard.kernel import kernel
 from armguard.motion import displacement_bounds
 from armguard.motion.side_reach import half_space_reach
 from armguard.robot.kinematics import forward_kinematics
@@ -17,7 +17,7 @@ from armguard.scene.compile import compile_scene
 SAMPLES = 20_000
 
 
-@numba.njit
+@kernel(entry=True)
 def capsule_moves(q, dq, tables, kinds, bodies, local, out):
     """Way of two points of each primitive from q to q + dq, shape (k, m, 2)."""
     parent = tables[0]
@@ -83,7 +83,7 @@ def test_displacement_never_exceeds_the_bound(name, capsys):
         )
 
 
-@numba.njit
+@kernel(entry=True)
 def plane_reach(row, x, y, z):
     return half_space_reach(row, (x, y, z))
 

@@ -5,10 +5,10 @@ A small arm in a plane and a ball; all positions of a box are tried on a fine gr
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.motion.box_proof import (
     BOX_COST,
     LINE,
@@ -38,27 +38,27 @@ GRAIN = 1e-3
 NODE = 5
 
 
-@numba.njit
+@kernel(entry=True)
 def prove(node, wanted, pair, motion):
     return prove_by_boxes(node, wanted, pair, open_motion(motion))
 
 
-@numba.njit
+@kernel(entry=True)
 def halve_box(box, along, nearer, motion):
     halve(box, along, nearer, open_motion(motion))
 
 
-@numba.njit
+@kernel(entry=True)
 def longest(node, box, witness, end, pair, motion):
     return longest_way(node, box, witness, end, pair, open_motion(motion))
 
 
-@numba.njit
+@kernel(entry=True)
 def nearest(node, box, rows, witness, pair, motion):
     return nearest_position(node, box, rows, witness, pair, open_motion(motion))
 
 
-@numba.njit
+@kernel(entry=True)
 def put_in_middle(node, box, pair, motion, rows):
     middle_position(node, box, pair, open_motion(motion), rows)
 

@@ -2,10 +2,10 @@
 
 from math import inf
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.motion.joint_stop import (
     JointStop,
     farthest,
@@ -18,7 +18,7 @@ from joint_stops import planned
 NO_CURVE = np.zeros(0)
 
 
-@numba.njit
+@kernel(entry=True)
 def curve(times, stop):
     return np.array([farthest(t, stop) for t in times])
 
@@ -45,7 +45,7 @@ def plant(rng, v, low, high, a, effect, ramp, brake, times):
     return moved(free, v, min(low, v), max(high, v), effect, ramp, brake, times)
 
 
-@numba.njit
+@kernel(entry=True)
 def moved(free, v, low, high, effect, ramp, brake, times):
     """The same, with accelerations given for each twentieth of the time till then."""
     x = np.zeros(len(times))
@@ -143,7 +143,7 @@ def swings(v, top, stop_at, a, ramp, brake, settle, time, rng):
     return times, swung(push, v, top, stop_at, ramp, brake, settle, time, times)
 
 
-@numba.njit
+@kernel(entry=True)
 def swung(push, v, top, stop_at, ramp, brake, settle, time, times):
     """The same positions, with the acceleration till the stop given."""
     dt, x, speed, began, rest = times[1], 0.0, v, v, -1.0
@@ -192,19 +192,19 @@ def test_no_swing_back_leaves_the_curves(most, slow):
     assert nearest < 5e-3
 
 
-@numba.njit
+@kernel(entry=True)
 def upper(t, stop):
     """Farthest displacement at a time, settling included."""
     first = farthest(t, stop)
     return first + swing_within(t, t, first, first, stop)[0]
 
 
-@numba.njit
+@kernel(entry=True)
 def all_upper(times, stop):
     return np.array([upper(t, stop) for t in times])
 
 
-@numba.njit
+@kernel(entry=True)
 def in_all(stop):
     return whole_way(stop)
 

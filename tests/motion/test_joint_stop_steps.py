@@ -2,10 +2,10 @@
 
 from math import inf
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.motion.figures import CURVE_POINTS
 from armguard.motion.joint_stop import (
     JointStop,
@@ -25,18 +25,18 @@ SETTLE_TIME = 0.1
 STEPS, STEP_ERROR = 4000, 2e-6
 
 
-@numba.njit
+@kernel(entry=True)
 def curve(times, stop):
     return np.array([farthest(t, stop) for t in times])
 
 
-@numba.njit
+@kernel(entry=True)
 def swing_left(start, end, stop):
     first, last = farthest(start, stop), farthest(end, stop)
     return swing_within(start, end, first, last, stop)
 
 
-@numba.njit
+@kernel(entry=True)
 def speeds_lost(times, ramp, d):
     return np.array([speed_lost(t, ramp, d) for t in times])
 

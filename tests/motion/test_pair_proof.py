@@ -6,10 +6,10 @@ are tried on a grid.
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.motion.joint_stop import farthest
 from armguard.motion.pair_proof import prove_by_spans
 from armguard.motion.pair_state import PROVEN
@@ -44,17 +44,17 @@ STATES, MOMENTS = 25, 65
 LOSS, GRAIN = 5e-4, 1e-5
 
 
-@numba.njit
+@kernel(entry=True)
 def plan(address):
     plan_stops(NEXT, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def prove(known, pair, address):
     return prove_by_spans(known, pair, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def curve(times, stop):
     return np.array([farthest(t, stop) for t in times])
 

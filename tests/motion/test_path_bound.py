@@ -5,10 +5,10 @@ It is derived again by differences of a chain of joints, and holds for its true 
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.motion.gap_bound import curvature
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
 from planar import KINDS, LENGTHS, LIMIT, chain_guard, place
@@ -55,7 +55,7 @@ def third_order(kinds, levers, sizes):
     return total / 6.0
 
 
-@numba.njit
+@kernel(entry=True)
 def left_out(chain, first, levers, kinds, sizes):
     return curvature(chain, first, len(chain), levers, kinds, sizes)
 

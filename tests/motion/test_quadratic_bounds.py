@@ -6,10 +6,10 @@ joint one of them reaches it.
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.lanes import WIDTH, splat, store
 from armguard.motion.joint_rows import JointRow, SideMotion, line_ends, widest
 from armguard.record import records
@@ -24,12 +24,12 @@ PLACES = np.linspace(-1.0, 1.0, 21)
 N = (0.0, 0.0, 1.0)
 
 
-@numba.njit
+@kernel(entry=True)
 def write_greatest(rows, hessian, out):
     store(out, 0, widest(SideMotion(N, False, 0.0, 0, len(rows), rows, hessian)))
 
 
-@numba.njit
+@kernel(entry=True)
 def write_greatest_on_line(rows, hessian, out):
     side = SideMotion(N, True, 0.0, 0, len(rows), rows, hessian)
     line_ends(splat(0.0), side, out)

@@ -6,7 +6,6 @@ second order, whose greatest value over the ranges has to be what the kernels fi
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -23,6 +22,7 @@ from armguard.geometry import (
     Sphere,
 )
 from armguard.geometry.shapes import shape_row
+from armguard.kernel import kernel
 from armguard.motion.gap_bound import line_ranges, most_way
 from armguard.motion.joint_rows import JointRow, SideMotion, joint_ranges, joint_rows
 from armguard.motion.prepare import motion_of
@@ -96,7 +96,7 @@ SHAPES = {
 }
 
 
-@numba.njit
+@kernel(entry=True)
 def reach_of_ranges(kind, row, n, axes, joint_kind, middle, width, levers, rows):
     chain = np.arange(len(joint_kind)).astype(np.int32)
     count = len(joint_kind)
@@ -107,7 +107,7 @@ def reach_of_ranges(kind, row, n, axes, joint_kind, middle, width, levers, rows)
     return side_reach(kind, row, SideMotion(n, False, most, 0, count, rows, hessian))
 
 
-@numba.njit
+@kernel(entry=True)
 def reach_of_line(kind, row, n, axes, joint_kind, way, width, levers, rows):
     chain = np.arange(len(joint_kind)).astype(np.int32)
     count = len(joint_kind)
@@ -120,7 +120,7 @@ def reach_of_line(kind, row, n, axes, joint_kind, way, width, levers, rows):
     return side_reach(kind, row, SideMotion(n, True, most, 0, count, rows, hessian))
 
 
-@numba.njit
+@kernel(entry=True)
 def way_by_levers(chain, first, levers, sizes):
     return most_way(chain, first, len(chain), levers, sizes)
 
@@ -282,7 +282,7 @@ def test_the_way_by_levers_is_their_sum():
     assert way_by_levers(chain, 1, levers, sizes) == pytest.approx(0.06 + 0.28)
 
 
-@numba.njit
+@kernel(entry=True)
 def write_ranges(chain, first, at, box, motion):
     line_ranges(chain, first, len(chain), at, box, open_motion(motion))
 

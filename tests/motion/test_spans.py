@@ -5,10 +5,10 @@ Where a bound is exact its worst motion touches it, so a little less would be le
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.motion.state import NEXT, NODES, Motion
 from armguard.motion.stop_path import make_node
 from armguard.table import Ledger, opener
@@ -53,7 +53,7 @@ CASES = {
 }
 
 
-@numba.njit
+@kernel(entry=True)
 def write_span(plan, node, lines):
     make_node(plan, node, open_motion(lines))
 

@@ -2,10 +2,10 @@
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
+from armguard.kernel import kernel
 from armguard.motion.free_way import FIRST_TIME, RATIO, bound_free_way
 from armguard.motion.joint_stop import (
     JointStop,
@@ -61,44 +61,44 @@ FIGURES = {
 GAINS = (-0.7, 1.3)
 
 
-@numba.njit
+@kernel(entry=True)
 def plan(which, address):
     plan_stops(which, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def segment(start, end, address):
     plan_segment(start, end, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def node(which, number, address):
     make_node(which, number, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def reaches(which, bodies, address):
     m = open_motion(address)
     measured_speeds(m)
     bound_reaches(which, bodies, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def free(k, address):
     bound_free_way(k, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def span(which, j, start, end, address):
     return joint_span(which, j, start, end, open_motion(address))
 
 
-@numba.njit
+@kernel(entry=True)
 def ways(times, stop):
     return np.array([farthest(t, stop) for t in times])
 
 
-@numba.njit
+@kernel(entry=True)
 def swing_left(start, end, first, last, stop):
     return swing_within(start, end, first, last, stop)
 

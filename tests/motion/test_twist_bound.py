@@ -5,13 +5,13 @@ The truth is the closed form of a planar chain, and rotations about the joints' 
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from armguard.geometry import ShapeKind
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.motion.state import NEXT
 from armguard.motion.twist_bound import (
     SPEED,
@@ -36,48 +36,48 @@ CHAINS = [("turn",), ("turn", "turn"), ("slide", "turn", "turn"), ("turn", "slid
 RADIUS = 1e-3
 
 
-@numba.njit
+@kernel(entry=True)
 def write(lines):
     w = open_workspace(lines)
     bound_twists(w.world.boxes, w.bodies, w.motion)
     place_at_middle(w.bodies, w.T_world, w.motion)
 
 
-@numba.njit
+@kernel(entry=True)
 def own(block, i, lines):
     w = open_workspace(lines)
     return own_bound(block, i, w.bodies[i], w.motion)[0]
 
 
-@numba.njit
+@kernel(entry=True)
 def ranged(block, i, lines):
     w = open_workspace(lines)
     _, way, more = own_bound(block, i, w.bodies[i], w.motion)
     return [(way[k] - more[k], way[k] + more[k]) for k in range(3)]
 
 
-@numba.njit
+@kernel(entry=True)
 def relative(block, i, j, lines):
     w = open_workspace(lines)
     m, a, b = w.motion, w.bodies[i], w.bodies[j]
     return relative_bound(block, i, j, a, b, m.shared[a, b], m)
 
 
-@numba.njit
+@kernel(entry=True)
 def along(block, n, i, j, lines):
     w = open_workspace(lines)
     m, a, b = w.motion, w.bodies[i], w.bodies[j]
     return bound_along(block, n, i, j, a, b, m.shared[a, b], m)
 
 
-@numba.njit
+@kernel(entry=True)
 def kept_apart(i, j, lines):
     w = open_workspace(lines)
     m, a, b = w.motion, w.bodies[i], w.bodies[j]
     return middle_gap(i, j, a, b, m.shared[a, b], w.world.boxes, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def reach_of(i, n, lines):
     w = open_workspace(lines)
     return deviation(i, n, 0, w.bodies[i], w.motion)

@@ -22,6 +22,9 @@ TRACKING, SPEED = 0.02, 0.6
 NEAR = (0.006, 0.016)
 MARGIN = 0.1
 
+# Whether a link, by row, is behind a joint.
+BEHIND = np.tril(np.ones((3, 3), dtype=bool))
+
 # Cycles in which they speed up to what is asked, and go on.
 CYCLES = 110
 
@@ -29,17 +32,14 @@ CYCLES = 110
 def ends(q):
     """Heights of both ends of every link, and how each joint changes them [m/rad]."""
     angles = np.cumsum(q)
-    joints = np.cumsum([0.0, *(LENGTH * np.sin(angles))])
-    heights, slopes = [], []
-    for k in range(len(q)):
-        for reach in (BEGINS, LENGTH):
-            heights.append(joints[k] + reach * np.sin(angles[k]))
-            # Each joint turns what is behind it about itself.
-            x = reach * np.cos(angles[k]) + np.cumsum(
-                [0.0, *(LENGTH * np.cos(angles[:k][::-1]))]
-            )
-            slopes.append(np.concatenate([x[::-1], np.zeros(len(q) - k - 1)]))
-    return np.array(heights), np.array(slopes)
+    sides = LENGTH * np.array([np.cos(angles), np.sin(angles)])
+    # Where joints are; the last one is the tip.
+    joints = np.concatenate([np.zeros((2, 1)), np.cumsum(sides, axis=1)], axis=1)
+    reach = np.array([BEGINS, LENGTH]) / LENGTH
+    x, heights = joints[:, :-1, None] + reach * sides[:, :, None]
+    # Each joint turns what is behind it about itself.
+    slopes = np.where(BEHIND[:, None], x[:, :, None] - joints[0, :-1], 0.0)
+    return heights.ravel(), slopes.reshape(-1, len(q))
 
 
 def gaps(q):

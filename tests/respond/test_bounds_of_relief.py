@@ -5,7 +5,6 @@ A ball on a slide and one in its way: all that is near is on one line.
 
 from contextlib import suppress
 
-import numba
 import numpy as np
 import pytest
 
@@ -16,6 +15,7 @@ from armguard.guard.proofs import prove_pair
 from armguard.guard.relief import SINK, is_driven_nearer, relief_of
 from armguard.guard.watch import RECOVERING, RESTING, RUNNING
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.motion.pair_state import PROVEN, UNPROVEN
 from armguard.motion.state import NEXT
 from armguard.respond import Action, Blocked, Changed, Guard
@@ -33,7 +33,7 @@ FLOOR = 0.005
 PERIOD = 0.001
 
 
-@numba.njit
+@kernel(entry=True)
 def relief_at(spare, floor, lines):
     """What is taken off the need of the first near pair [m]."""
     w = open_workspace(lines)
@@ -41,7 +41,7 @@ def relief_at(spare, floor, lines):
     return relief_of(0, 1, w.near[0], spare, floor, w, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def driven_nearer(r, lines):
     """Whether a robot is driven nearer to the other side of the first near pair."""
     w = open_workspace(lines)
@@ -193,7 +193,7 @@ def test_the_other_robot_must_not_be_driven_nearer(low, high, wanted, nearer):
     assert driven_nearer(0, lines) == nearer
 
 
-@numba.njit
+@kernel(entry=True)
 def proven(lines):
     """How the first near pair is proven, and what it has left [m]."""
     w = open_workspace(lines)
@@ -217,7 +217,7 @@ def test_of_what_is_evaded_no_more_is_proven_than_that_it_is_far_enough(spare):
     assert watch.relieved[0] == (spare < 0.0)
 
 
-@numba.njit
+@kernel(entry=True)
 def leads_away(response, lines):
     """Whether what the first robot is to be commanded leads away for certain."""
     w = open_workspace(lines)

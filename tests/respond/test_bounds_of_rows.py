@@ -4,7 +4,6 @@ from collections import deque
 from dataclasses import replace
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 
@@ -13,6 +12,7 @@ from armguard.geometry import Pose
 from armguard.guard import Reason
 from armguard.guard.pair_row import pair_row
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.record import records
 from armguard.respond import Guard
 from armguard.respond.constraints import part_of
@@ -31,7 +31,7 @@ from sliding import at_gap, let_go, slides
 PERIOD = 0.005
 
 
-@numba.njit
+@kernel(entry=True)
 def share(r, own, its, a):
     return part_of(r, 1 - r, own, its, a)
 
@@ -98,7 +98,7 @@ def test_a_budget_that_is_spent_leaves_what_is_under_way_and_no_share_of_the_new
         assert command.velocity[0] == pytest.approx(commanded, abs=1e-12)
 
 
-@numba.njit
+@kernel(entry=True)
 def closing_row(i, j, row, lines):
     """How fast each joint closes a pair whose witness is in the first row."""
     w = open_workspace(lines)

@@ -1,6 +1,5 @@
 """Evasion of clusters of sensed cells, which move with them meanwhile."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from armguard.guard.proofs import rests_among_cells
 from armguard.guard.sensed import CellBox
 from armguard.guard.watch import RECOVERING
 from armguard.guard.workspace import Settings
+from armguard.kernel import kernel
 from armguard.record import records
 from armguard.recording import open_recording
 from armguard.recording.calls import UpdateCells, UpdateClusters
@@ -257,15 +257,13 @@ def enclosed(cluster, box, now, room):
     """Whether a box was in that of a cluster, by places every millisecond."""
     later = now - cluster["stamp"]
     grown = room + box["error"] + cluster["error"] * later
-    for time in np.arange(cluster["stamp"] - FOLLOWED, now + 1e-9, 1e-3):
-        way = (time - cluster["stamp"]) * cluster["velocity"]
-        low, high = cluster["low"] + way - grown, cluster["high"] + way + grown
-        if (box["low"] >= low).all() and (box["high"] <= high).all():
-            return True
-    return False
+    times = np.arange(cluster["stamp"] - FOLLOWED, now + 1e-9, 1e-3)
+    way = (times[:, None] - cluster["stamp"]) * cluster["velocity"]
+    low, high = cluster["low"] + way - grown, cluster["high"] + way + grown
+    return bool(((box["low"] >= low) & (box["high"] <= high)).all(axis=1).any())
 
 
-@numba.njit
+@kernel(entry=True)
 def has_enclosed_in(cluster, ahead, room, box):
     return has_enclosed(cluster, ahead, room, box)
 
@@ -292,7 +290,7 @@ def test_a_box_is_of_a_cluster_that_has_enclosed_it():
     assert min(both) > 500
 
 
-@numba.njit
+@kernel(entry=True)
 def rests_among(w):
     return rests_among_cells(0, 2, 0, w)
 

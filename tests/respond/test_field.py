@@ -1,12 +1,12 @@
 """Fields: goals are reached, buffers kept, local minima named; wrong goals refused."""
 
-import numba
 import numpy as np
 import pytest
 
 from armguard.errors import GoalError, PoseError, SceneError, UnknownNameError
 from armguard.geometry import Pose
 from armguard.guard.workspace import open_workspace
+from armguard.kernel import kernel
 from armguard.respond import Action, Blocked
 from armguard.respond.field import STEEPEST, field_at, repel
 from armguard.respond.lead_state import Source
@@ -26,7 +26,7 @@ GOALS = (
 )
 
 
-@numba.njit
+@kernel(entry=True)
 def field(part, near):
     return field_at(part, near)
 
@@ -36,17 +36,17 @@ def push(part):
     return field(part, 1.0)[1]
 
 
-@numba.njit
+@kernel(entry=True)
 def turn_to(T, aim):
     return turn_between(T, aim)
 
 
-@numba.njit
+@kernel(entry=True)
 def solve(square):
     solve_positive(square.shape[0], square)
 
 
-@numba.njit
+@kernel(entry=True)
 def push_off(response, lines):
     a, w = open_response(response), open_workspace(lines)
     v, m = w.watch, w.motion

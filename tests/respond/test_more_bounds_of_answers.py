@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 import trimesh
@@ -13,6 +12,7 @@ from armguard.guard.grips import ContractRow, ContractState
 from armguard.guard.proofs import describe_pair, look_at_exact, prove_exact
 from armguard.guard.watch import RESTING, RUNNING, Given, LastCycle, Timing
 from armguard.guard.workspace import Settings, open_workspace
+from armguard.kernel import kernel
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.pair_state import new_pair
 from armguard.motion.state import NEXT, PLANS, StopClock
@@ -34,7 +34,7 @@ from sliding import EXACT
 JOINTS, DT = 3, 0.004
 
 
-@numba.njit
+@kernel(entry=True)
 def frame(a, w, v, m):
     frame_limits(0, True, a, w, v, m)
 
@@ -204,7 +204,7 @@ def turning(tmp_path_factory):
     return Guard(scene, self_test=False)
 
 
-@numba.njit
+@kernel(entry=True)
 def exact_left(i, j, need, lines):
     """What exact shapes have left, looked at once and by the proof [m]."""
     w = open_workspace(lines)
@@ -233,7 +233,7 @@ def test_a_look_at_exact_shapes_that_turn_grants_what_the_proof_of_the_path_does
         assert exact_left(0, moving, once + 1e-6, lines)[0] == -np.inf
 
 
-@numba.njit
+@kernel(entry=True)
 def reaches(w):
     return reaches_anything(w)
 

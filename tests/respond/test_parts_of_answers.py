@@ -2,7 +2,6 @@
 
 from itertools import product
 
-import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -19,6 +18,7 @@ from armguard.guard.watch import (
     LastCycle,
     Timing,
 )
+from armguard.kernel import kernel
 from armguard.motion.figures import JointFigures, RobotFigures
 from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
@@ -113,117 +113,117 @@ def answers(rng):
     )
 
 
-@numba.njit
+@kernel(entry=True)
 def waits(a, v):
     return wait_if_ordered(0, a, v)
 
 
-@numba.njit
+@kernel(entry=True)
 def miss(a, v, m):
     note_missed(a, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def costs(a, v, m):
     program.write_costs(a, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def lost(a, v, m):
     return constraints.lost_till_then(0, a, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def within_limits(j, a, w, m):
     joint_bounds.lead_within_limits(j, a, w, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def keep(at, limit, opens, a):
     constraints.keep_row(0, 0, 3, at, limit, limit, opens, a)
 
 
-@numba.njit
+@kernel(entry=True)
 def hold(left, a, v, m):
     constraints.add_holding(0, left, False, a, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def part(own, its, a):
     return constraints.part_of(0, 1, own, its, a)
 
 
-@numba.njit
+@kernel(entry=True)
 def smooth(a, s, v, m):
     leading.smooth_lead(0, a, s, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def pulled(most, attraction, s, v, m):
     return field.led_speed(0, most, attraction, s, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def repel(share, a, s, m):
     field.repel_by(0, share, a, s, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def way_of_tool(s, w):
     return field.tool_way(0, s, w)
 
 
-@numba.njit
+@kernel(entry=True)
 def columns_of(body, p, columns, w, m):
     tool_columns(body, p, 0, 3, 0, columns, w, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def turn(T, aim):
     return turn_between(T, aim)
 
 
-@numba.njit
+@kernel(entry=True)
 def speed(obstacle):
     return speed_of(obstacle)
 
 
-@numba.njit
+@kernel(entry=True)
 def to_side(side, full, e, m):
     lead_to_side(side, 0, full, e, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def middle(h, w):
     return middle_of(1, h, w)
 
 
-@numba.njit
+@kernel(entry=True)
 def velocity(p, body, u, m):
     return velocity_of(p, body, u, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def stand(time, e, w, v, m):
     stand_on_way(0, time, e, w, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def across_of(e, w, m):
     look_across(0, e, w, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def held_up(a, s, v, m):
     return is_held_up(0, a, s, v, m)
 
 
-@numba.njit
+@kernel(entry=True)
 def spare(i, j, left, a, v):
     return steady_spare(i, j, left, a, v)
 
 
-@numba.njit
+@kernel(entry=True)
 def way_number(k, share, e, m):
     return write_way(k, 0, share, e, m)
 

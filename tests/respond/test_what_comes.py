@@ -1,6 +1,5 @@
 """Which objects come at a robot, and how long they take to pass."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -8,6 +7,7 @@ from armguard.guard.clusters import Cluster
 from armguard.guard.watch import Given
 from armguard.guard.workspace import Settings
 from armguard.index.octree_state import ABSENT, INDEXED, Residency
+from armguard.kernel import kernel
 from armguard.motion.figures import RobotFigures
 from armguard.record import records
 from armguard.respond.approaching import BEHIND, BESIDE, FORESIGHT, look_for_approaching
@@ -31,7 +31,7 @@ LOW, HIGH = np.array([-0.2, -0.3, 0.0]), np.array([0.4, 0.1, 0.3])
 TIME, AGE = 0.4, 0.07
 
 
-@numba.njit
+@kernel(entry=True)
 def look(a, e, w, v, m):
     look_for_approaching(0, a, e, w, v, m)
 

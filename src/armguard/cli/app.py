@@ -1,56 +1,92 @@
 """The application and its commands."""
 
-import typer
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
 
-from armguard.cli.batch import batch
-from armguard.cli.chaos import chaos
-from armguard.cli.check import check
-from armguard.cli.coordinate import coordinate
-from armguard.cli.demo import demo
-from armguard.cli.fleet import fleet
-from armguard.cli.init import init
-from armguard.cli.keys import keys
-from armguard.cli.map import map_plans
-from armguard.cli.replay import replay
-from armguard.cli.report import report
-from armguard.cli.reserve import reserve
-from armguard.cli.reset import reset
-from armguard.cli.run import run
-from armguard.cli.sensing import sensing
-from armguard.cli.serve import serve
-from armguard.cli.verify import verify
-from armguard.cli.view import view
+import typer
+from typer.core import TyperGroup
+
+
+class Listed(NamedTuple):
+    """A command in the list of `armguard --help`.
+
+    Attributes:
+        summary: The sentence beside its name: how its help begins.
+        place: Its module and function, `module:function`; both have its name if empty.
+    """
+
+    summary: str
+    place: str = ""
+
+
+# A command's module takes up to two seconds to import, so it is imported when called.
+LISTED = {
+    "demo": Listed("Guard two simulated arms that a careless operator drives."),
+    "init": Listed("Write a scene file for your robots."),
+    "check": Listed("Check a scene."),
+    "run": Listed("Judge a motion, cycle by cycle."),
+    "verify": Listed("Prove that plans keep every buffer."),
+    "serve": Listed("Run the guard as a service, for programs in other processes."),
+    "keys": Listed("Write a key file for a service and its clients."),
+    "reset": Listed("Lift the stop of a reflex."),
+    "view": Listed("Show a running service or a recording in the browser."),
+    "replay": Listed("Judge a recording again, and compare the results bit by bit."),
+    "report": Listed("Write a report about a recording, one HTML page."),
+    "batch": Listed("Check many configurations, the rows of a file."),
+    "coordinate": Listed("Let two robots execute jobs as they arrive."),
+    "reserve": Listed("Find when each robot may start its plan."),
+    "chaos": Listed("Inject faults into a simulated guard, and check the answers."),
+    "map": Listed(
+        "Draw which parts of robots' plans may be executed together.", "map:map_plans"
+    ),
+    "sense": Listed("Sensors fill the map.", "sensing:sensing"),
+    "fleet": Listed("Audit, prove or replay many inputs with many workers."),
+}
+
+
+class Commands(Mapping[str, Any]):
+    """The commands by name; each is imported when it is read."""
+
+    def __getitem__(self, name: str) -> Any:
+        module, _, function = (LISTED[name].place or f"{name}:{name}").partition(":")
+        found = getattr(import_module(f"armguard.cli.{module}"), function)
+        if not isinstance(found, typer.Typer):
+            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+            alone.command(name)(found)
+            found = alone
+        return typer.main.get_command(found)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(LISTED)
+
+    def __len__(self) -> int:
+        return len(LISTED)
+
+
+class Application(TyperGroup):
+    """The group of all commands; its list imports none of them."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        # Typer's own would hold commands that are already imported.
+        self.commands: Any = Commands()
+
+    def format_commands(self, _ctx: Any, formatter: Any) -> None:
+        """Write names and summaries."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, row.summary) for name, row in LISTED.items()])
+
 
 app = typer.Typer(
     name="armguard",
+    cls=Application,
     help="Real-time collision guard for robot arms. Exit codes: 0 clear, "
     "1 a pair came too close, 2 bad input.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    demo,
-    init,
-    check,
-    run,
-    verify,
-    serve,
-    keys,
-    reset,
-    view,
-    replay,
-    report,
-    batch,
-    coordinate,
-    reserve,
-    chaos,
-):
-    app.command()(command)
-app.command(name="map")(map_plans)
-
-app.add_typer(sensing, name="sense")
-app.add_typer(fleet, name="fleet")
 
 
 @app.callback(invoke_without_command=True)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from functools import wraps
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 from rich.console import Console, ConsoleDimensions
@@ -16,25 +16,25 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
-from armguard.guard.events import Event
-from armguard.guard.levels import Level
-from armguard.guard.verdict import Verdict
-from armguard.respond.compiling import compile_ahead
-from armguard.respond.guard import try_out
+if TYPE_CHECKING:
+    from armguard.guard.events import Event
+    from armguard.guard.levels import Level
+    from armguard.guard.verdict import Verdict
 
 CLEAR = 0
 TOO_CLOSE = 1
 BAD_INPUT = 2
 
-# Colours that differ for the colour-blind as well; the text has the same information.
+# Colours of levels, by name: they differ for the colour-blind as well, and the text has
+# the same information.
 STYLES = {
-    Level.CLEAR: "blue",
-    Level.CAUTION: "yellow",
-    Level.SLOW: "bold yellow",
-    Level.STOP: "bold magenta",
-    Level.RECOVER: "magenta",
-    Level.BRAKE: "bold white on magenta",
-    Level.HARDWARE_STOP: "bold white on red",
+    "CLEAR": "blue",
+    "CAUTION": "yellow",
+    "SLOW": "bold yellow",
+    "STOP": "bold magenta",
+    "RECOVER": "magenta",
+    "BRAKE": "bold white on magenta",
+    "HARDWARE_STOP": "bold white on red",
 }
 
 # Width of a line that is not for a terminal: no table or sentence is that long.
@@ -135,6 +135,9 @@ def compile_kernels(guarded: bool = True) -> None:
     Args:
         guarded: Whether stops are predicted.
     """
+    from armguard.respond.compiling import compile_ahead
+    from armguard.respond.guard import try_out
+
     numbers = (signal.SIGTERM, signal.SIGINT)
     before = [signal.signal(number, signal.SIG_DFL) for number in numbers]
     compile_ahead(say, guarded, try_out)
@@ -192,7 +195,7 @@ def bars() -> Progress:
     )
 
 
-def event_line(event: Event, start: float) -> str:
+def event_line(event: "Event", start: float) -> str:
     """An event as one line of rich's markup.
 
     Args:
@@ -205,7 +208,7 @@ def event_line(event: Event, start: float) -> str:
     )
 
 
-def cycle_line(verdict: Verdict, start: float) -> str:
+def cycle_line(verdict: "Verdict", start: float) -> str:
     """A cycle as one line of rich's markup, aligned with `event_line`."""
     time = (verdict.stamp or 0.0) - start
     return (
@@ -213,13 +216,15 @@ def cycle_line(verdict: Verdict, start: float) -> str:
     )
 
 
-def level_word(level: Level) -> str:
+def level_word(level: "Level") -> str:
     """A level in its colour, padded."""
-    return f"[{STYLES[level]}]{level.name:13}[/]"
+    return f"[{STYLES[level.name]}]{level.name:13}[/]"
 
 
-def exit_code(levels: dict[Level, int], faults: int) -> int:
+def exit_code(levels: "dict[Level, int]", faults: int) -> int:
     """Exit code of a run: input that could not be judged outranks closeness."""
+    from armguard.guard.levels import Level
+
     if faults:
         return BAD_INPUT
     stopped = any(n for level, n in levels.items() if level >= Level.STOP)

@@ -298,7 +298,9 @@ def status(so_far: float, seconds: float | None, tally: Tally) -> Text:
         f"{so_far:6.1f} s{of}  {verdict.level.name:13} {stops} stops, "
         f"{share:.0f} % of commands changed  {tally.why}"
     )
-    return Text(text, style=STYLES[verdict.level], overflow="ellipsis", no_wrap=True)
+    return Text(
+        text, style=STYLES[verdict.level.name], overflow="ellipsis", no_wrap=True
+    )
 
 
 def show_page(stage: Stage, port: int) -> None:

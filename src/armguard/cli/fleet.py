@@ -36,6 +36,7 @@ fleet = typer.Typer(
     "found, 1 something found, 2 an input or the job is wrong.",
     no_args_is_help=True,
     rich_markup_mode=None,
+    add_completion=False,
 )
 
 # Rows of a query that are printed; the JSON has all.

@@ -7,7 +7,6 @@ import typer
 from typer import Argument
 
 from armguard.cli.console import CLEAR, out
-from armguard.service.wire.pulses import reset as reset_reflex
 
 # Exit code if the reflex still stops the arms.
 STILL_STOPPED = 1
@@ -23,6 +22,8 @@ def reset(
     The reflex refuses as long as a zone is too near or a sensor is at fault. Exit code
     0 if it stops the arms no longer, 1 if it still does.
     """
+    from armguard.service.wire.pulses import reset as reset_reflex
+
     why = reset_reflex(file)
     out.print(why or "the reflex stops no arm; engage the robots", markup=False)
     raise typer.Exit(STILL_STOPPED if why else CLEAR)

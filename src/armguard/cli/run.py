@@ -309,7 +309,7 @@ def print_summary(answer: dict[str, Any], log: EventLog) -> None:
         table = plain_table("level", "cycles", "worst at", "what")
         for event in log.events[:SHOWN]:
             table.add_row(
-                f"[{STYLES[event.level]}]{event.level.name}[/]",
+                f"[{STYLES[event.level.name]}]{event.level.name}[/]",
                 f"{event.first}-{event.last}",
                 str(event.at) if event.stamp is None else f"{event.stamp:.3f} s",
                 escape(event.why),

@@ -25,6 +25,7 @@ sensing = typer.Typer(
     "`armguard sense calibrate` finds the pose of a sensor.",
     no_args_is_help=False,
     rich_markup_mode=None,
+    add_completion=False,
 )
 sensing.command("play")(sense)
 sensing.command("calibrate")(calibrate)

@@ -50,9 +50,9 @@ def bracket_gaps(
     inside = np.tile(row[1:4], (len(low), 1))
     upper = np.full(len(low), np.inf)
     for _ in range(STEPS):
-        outside = np.clip(inside, low, high)
+        outside = np.minimum(np.maximum(inside, low), high)
         inside = nearest_in_core(kind, row, outside)
-        before, upper = upper, np.linalg.norm(outside - inside, axis=1)
+        before, upper = upper, lengths(outside - inside)
         if (before - upper).max(initial=0.0) < SETTLED:
             break
     length = np.where(upper > 0.0, upper, 1.0)[:, None]
@@ -106,8 +106,13 @@ def nearest_in_core(kind: int, row: Floats, points: Floats) -> Floats:
     if kind in ROUND:
         local = nearest_in_cone(row[4], row[5], row[6], local)
     else:
-        local = np.clip(local, -row[4:7], row[4:7])
+        local = np.minimum(np.maximum(local, -row[4:7]), row[4:7])
     return np.asarray(row[1:4] + local @ R.T)
+
+
+def lengths(vectors: Floats) -> Floats:
+    """Lengths of vectors, shape (k,), in half the time of `np.linalg.norm`."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def nearest_on_segment(a: Floats, b: Floats, points: Floats) -> Floats:
@@ -115,14 +120,15 @@ def nearest_on_segment(a: Floats, b: Floats, points: Floats) -> Floats:
     axis = b - a
     length2 = float(axis @ axis)
     along = (points - a) @ axis / length2 if length2 > 0.0 else np.zeros(len(points))
-    return np.asarray(a + np.multiply.outer(np.clip(along, 0.0, 1.0), axis))
+    along = np.minimum(np.maximum(along, 0.0), 1.0)
+    return np.asarray(a + along[:, None] * axis)
 
 
 def nearest_on_triangle(corners: Floats, points: Floats) -> Floats:
     """Nearest points of a triangle, shape (k, 3) [m]: of its plane, or of an edge."""
     a, b, c = corners
     found = nearest_on_segment(a, b, points)
-    best = np.linalg.norm(points - found, axis=1)
+    best = lengths(points - found)
     n = np.cross(b - a, c - a)
     candidates = [nearest_on_segment(b, c, points), nearest_on_segment(c, a, points)]
     area = float(n @ n)
@@ -133,7 +139,7 @@ def nearest_on_triangle(corners: Floats, points: Floats) -> Floats:
             within &= np.cross(q - p, plane - p) @ n >= 0.0
         candidates.append(np.where(within[:, None], plane, np.inf))
     for candidate in candidates:
-        apart = np.linalg.norm(points - candidate, axis=1)
+        apart = lengths(points - candidate)
         nearer = apart < best
         found[nearer], best[nearer] = candidate[nearer], apart[nearer]
     return found
@@ -154,7 +160,7 @@ def nearest_in_cone(
     found, best = flat.copy(), np.full(len(points), np.inf)
     for k in range(3):
         candidate = nearest_on_segment(outline[k], outline[k + 1], flat)
-        apart = np.linalg.norm(flat - candidate, axis=1)
+        apart = lengths(flat - candidate)
         nearer = ~inside & (apart < best)
         found[nearer], best[nearer] = candidate[nearer], apart[nearer]
     out = np.where(r > 0.0, found[:, 0] / np.where(r > 0.0, r, 1.0), 0.0)
