@@ -19,9 +19,9 @@ from armguard.service.link import ask
 from armguard.service.wire.keys import keys_path
 from armguard.simulation.stage import Stage
 
-# Items of a job file, the usual time from one to the next, and how early or late each
-# may be [s].
-ITEMS, EVERY, OFF = 400, 9.0, 2.5
+# Items come in pairs: how many of a job file, the usual time from one pair to the next
+# and within a pair, and how early or late each item may be [s].
+PAIRS, EVERY, WITHIN, OFF = 300, 12.5, 4.5, 1.0
 
 # The belt's speed sways by this share of what the job declares, in this time [s].
 SWAYS, SWAY = 0.8, 23.0
@@ -44,10 +44,10 @@ def job_of_demo(seed: int) -> dict[str, Any]:
     job["scene"] = str(path.parent / job["scene"])
     for plan in job["plans"].values():
         plan["file"] = str(path.parent / plan["file"])
-    off = np.random.default_rng(seed).uniform(-OFF, OFF, ITEMS)
-    times = OFF + EVERY * np.arange(ITEMS) + off
+    usual = np.add.outer(EVERY * np.arange(PAIRS), (OFF, OFF + WITHIN))
+    times = usual + np.random.default_rng(seed).uniform(-OFF, OFF, usual.shape)
     plans = [*job["plans"]]
-    job["jobs"] = [{"t": float(t), "plans": plans} for t in times.round(2)]
+    job["jobs"] = [{"t": float(t), "plans": plans} for t in times.ravel().round(2)]
     return job
 
 
