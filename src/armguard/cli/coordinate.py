@@ -51,11 +51,19 @@ def coordinate(
             "the belt moves at its usual speed."
         ),
     ] = False,
-    lead: Annotated[
+    recover: Annotated[
         bool,
         Option(
-            help="With --port: first lead robots slowly to where their plans begin; "
-            "the guard judges the way."
+            help="With --port: lead robots slowly to where their plans begin, at the "
+            "start and after a stop, and go on with later jobs. The guard judges that "
+            "way."
+        ),
+    ] = False,
+    engage: Annotated[
+        bool,
+        Option(
+            help="With --recover, for simulated robots: after a brake reset and engage "
+            "robots without a person. A stop that a person ordered stays."
         ),
     ] = False,
     motion: Annotated[
@@ -69,10 +77,13 @@ def coordinate(
     Exit code 0 all jobs are done, 1 an item is missed or both robots stopped, 2 bad
     input.
     """
-    if (port is None and (belt or lead)) or (port is not None and motion is not None):
+    drives = port is not None
+    if (drives and motion is not None) or (not drives and (belt or recover)):
         raise typer.BadParameter(
-            "--belt and --lead need a --port; --motion goes without one"
+            "--belt and --recover need a --port; --motion goes without one"
         )
+    if engage and not recover:
+        raise typer.BadParameter("--engage needs --recover")
     with loading_bar() as progress:
         read = read_line_job(job, progress)
     says = (lambda now, sentence: None) if json else print_event
@@ -82,7 +93,9 @@ def coordinate(
     else:
         encoder = Encoder(sys.stdin) if belt else None
         with closing(LinkEnd(port, LINK)) as link:
-            hands = LineHands(read, encoder, leads=lead, link=link, says=says)
+            hands = LineHands(
+                read, encoder, says=says, recovers=recover, engages=engage, link=link
+            )
             run, seconds = hands.run, drive(hands, port, key_file)
     found = {**run.summary(), "seconds": round(seconds, 3)}
     clear = not run.line.missed and not run.line.fault and run.line.idle

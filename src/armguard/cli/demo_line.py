@@ -21,7 +21,7 @@ from armguard.simulation.stage import Stage
 
 # Items come in pairs: how many of a job file, the usual time from one pair to the next
 # and within a pair, and how early or late each item may be [s].
-PAIRS, EVERY, WITHIN, OFF = 300, 12.5, 4.5, 1.0
+PAIRS, EVERY, WITHIN, OFF = 300, 12.0, 4.5, 1.0
 
 # The belt's speed sways by this share of what the job declares, in this time [s].
 SWAYS, SWAY = 0.8, 23.0
@@ -144,7 +144,7 @@ class LineOperator:
         YAML(typ="safe").dump(self._job, job)
         self._seed += 1
         port, keys = str(self._stage.port), str(keys_path(self._stage.port))
-        words = ("--port", port, "--key-file", keys, "--belt", "--lead")
+        words = ("--port", port, "--key-file", keys, "--belt", "--recover", "--engage")
         self._process = self._stage.crew.start(
             "coordination",
             ("-m", "armguard", "coordinate", str(job), *words),

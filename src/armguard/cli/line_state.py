@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from armguard.maps.job import LineJob
 from armguard.maps.lane import Lane
 from armguard.maps.line_cell import GRIP, LinePlan
+from armguard.maps.line_run import LineRun
 from armguard.maps.online import Line
 from armguard.maps.right_of_way import STEP
 from armguard.respond.tool import Tool, tool_of
@@ -36,9 +37,9 @@ class Pick:
         begins: When its tool begins to follow the item [s].
         ends: When the item is gripped [s].
         puts: When the tool is lowest after that, where the item is put down [s].
-        at: Place of the item on the belt at `begins` [m].
-        origin: Where the tool is then, shape (3,) [m].
-        along: Motion of the tool per motion of the belt, shape (3,) [-].
+        at: Place of the item on the belt when it is gripped [m].
+        gripped: Where the tool is then, shape (3,) [m].
+        along: Motion of the item per motion of the belt, shape (3,) [-].
         put: Where the tool is when it puts the item down, shape (3,) [m].
     """
 
@@ -46,7 +47,7 @@ class Pick:
     ends: float
     puts: float
     at: float
-    origin: Floats
+    gripped: Floats
     along: Floats
     put: Floats
 
@@ -56,23 +57,22 @@ class Pick:
         track, tube = one.track, one.plan.plan.tube
         if track is None:
             return None
-        times = np.arange(track.end, tube.times[-1], LOOKS)
+        times = np.arange(track.end, tube.times[-1] + LOOKS, LOOKS)
         places = np.array(
             [
                 tool.point(body_poses(tool.tables, q))
-                for q in tube.at(np.concatenate(([track.start], times)))
+                for q in tube.at(np.concatenate(([track.end - GRIP], times)))
             ]
         )
-        origin, end = places[:2]
-        lowest = int(np.argmin(places[2:, 2])) + 1 if len(times) > 1 else 0
-        length = track.speed * (track.end - track.start)
+        lowest = int(np.argmin(places[2:, 2])) + 1
         return cls(
             track.start - one.begin,
             track.end - one.begin,
             float(times[lowest]) - one.begin,
-            track.at,
-            origin,
-            (end - origin) / length,
+            track.at + track.speed * (track.end - track.start),
+            places[1],
+            # Only where it grips the item the tool surely moves as the item does.
+            (places[1] - places[0]) / (track.speed * GRIP),
             places[1 + lowest],
         )
 
@@ -85,11 +85,11 @@ class LineState:
 
     Args:
         job: The cell job.
-        line: Its coordination.
+        run: What is executed.
     """
 
-    def __init__(self, job: LineJob, line: Line) -> None:
-        self._line, self._conveyor = line, job.cell.conveyor
+    def __init__(self, job: LineJob, run: LineRun) -> None:
+        self._run, self._conveyor = run, job.cell.conveyor
         self.decisions: deque[tuple[float, str]] = deque(maxlen=DECISIONS)
         tables = compile_scene(job.scene)
         tools = {robot: tool_of(tables, robot) for robot in job.cell.robots}
@@ -108,7 +108,7 @@ class LineState:
             speed: Its speed, as measured [m/s].
             before: Why no job has begun yet, in words; empty if one may.
         """
-        line, belt = self._line, self._conveyor
+        line, belt = self._run.line, self._conveyor
         lost = set(line.missed)
         found: dict[str, Any] = {
             "now": round(now, 1),
@@ -126,11 +126,11 @@ class LineState:
 
     def _robot(self, k: int, before: str) -> dict[str, Any]:
         """State of a robot: its job, how much of it is done, and a sentence."""
-        line = self._line
+        line = self._run.line
         lane, other = line.lanes[k], line.lanes[1 - k]
         share = lane.place / line.plans[lane.plan].plan.plan.duration
         does = before or does_in_words(lane, self._picks[lane.plan])
-        if line.fault:
+        if line.fault and not before:
             does = "slows down and stops" if lane.pace else "stopped"
         elif lane.yields:
             left = waits_for(line, k)
@@ -146,7 +146,7 @@ class LineState:
 
     def _items(self, travel: float, speed: float) -> list[dict[str, Any]]:
         """Items on the belt or with a robot: where, how fast, and whose they are."""
-        line, found = self._line, []
+        line, found = self._run.line, []
         own = [(lane.job, lane.plan, lane) for lane in line.lanes if lane.job]
         waiting = [(job, job.plans[0], None) for job in line.queue]
         for job, plan, lane in (*own, *waiting):
@@ -154,7 +154,7 @@ class LineState:
             if pick is None:
                 continue
             on_belt = job.offset + travel - job.travel
-            xyz = pick.origin + (on_belt - pick.at) * pick.along
+            xyz = pick.gripped + (on_belt - pick.at) * pick.along
             moves, held = speed * pick.along, False
             if lane is not None and not lane.lost and lane.place >= pick.ends:
                 xyz, moves = pick.put, np.zeros(3)

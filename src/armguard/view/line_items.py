@@ -14,15 +14,16 @@ from armguard.view.world import Cycle, World, tool_pose
 
 Floats = NDArray[np.float64]
 
-# Time between two questions [s].
-ASKS = 0.2
+# Time between two questions, and time without an answer after which the coordination
+# counts as ended [s].
+ASKS, ENDED = 0.2, 2.0
 
-# Edge of the cube that is drawn for an item, and its middle below the tool that grips
-# it [m]. Jobs have no sizes of items.
-EDGE, BELOW = 0.06, np.array([0.0, 0.0, -0.09])
+# Size of the box that is drawn for an item, and its middle below the tool that grips it
+# near its top [m]. Jobs have no sizes of items.
+SIZE, BELOW = (0.05, 0.05, 0.13), np.array([0.0, 0.0, -0.055])
 
-# Labels are so far above items, and above tools of robots that yield [m].
-ABOVE, OVER = np.array([0.0, 0.0, 0.05]), np.array([0.0, 0.0, 0.18])
+# Labels are so far above middles of items, and above tools of robots that yield [m].
+ABOVE, OVER = np.array([0.0, 0.0, 0.09]), np.array([0.0, 0.0, 0.2])
 
 
 class LineItems(Drawable):
@@ -52,7 +53,9 @@ class LineItems(Drawable):
         if now - self._asked >= ASKS:
             self._asked = now
             self._take(self._ask(), now)
-        state = self._state or {"items": [], "robots": []}
+        state: dict[str, Any] = {"items": [], "robots": []}
+        if self._state is not None and now - self._heard <= ENDED:
+            state = self._state
         tools = {
             part.name: tool_pose(self.tables, part, cycle.frame.poses)[:3, 3]
             for part in self.tables.robots
@@ -72,8 +75,9 @@ class LineItems(Drawable):
 
     def _take(self, state: dict[str, Any] | None, now: float) -> None:
         """Take in an answer; the words of one that has ended stay on the page."""
-        shown = self._state if state is None else state
-        self._state, self._heard = state, now
+        if state is not None:
+            self._state, self._heard = state, now
+        shown, ended = self._state, now - self._heard > ENDED
         if shown is None:
             return
         names = [part.name for part in self.tables.robots]
@@ -82,13 +86,13 @@ class LineItems(Drawable):
             for robot in shown["robots"]
             if robot["name"] in names
         ]
-        self._publish({**shown, "robots": robots, "ended": state is None})
+        self._publish({**shown, "robots": robots, "ended": ended})
 
     def _item(self, item: Mapping[str, Any], at: Floats) -> set[Any]:
         """Draw an item; its nodes."""
         job = item["job"]
         if job not in self.nodes:
-            mesh = box(extents=[EDGE] * 3)
+            mesh = box(extents=SIZE)
             self.nodes[job] = self.mesh(f"/line/item_{job}", mesh, GRASPABLE)
         self.nodes[job].position = at
         whose = f" for {item['robot']}" if item["robot"] else ""

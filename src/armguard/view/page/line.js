@@ -11,15 +11,21 @@ const makeLine = () => {
   const box = make("section", "");
   box.id = "line";
   box.hidden = true;
-  const title = make("b", "", box);
+  make("b", "", box).textContent = "Coordination on line";
+  const counted = make("div", "", box);
   const about = make("p", "", box);
   const robots = make("div", "robots", box);
   const fault = make("p", "fault", box);
   const decisions = make("ol", "", box);
   const counts = (message) => {
-    const words = [`${message.done} done`, `${message.missed} missed`, `${message.waiting} waiting`];
-    if (message.belt) words.unshift(`belt ${message.belt[0].toFixed(2)} m/s`);
+    const words = [`${message.done} jobs done`, `${message.missed} missed`, `${message.waiting} waiting`];
+    if (message.belt) words.push(`belt ${message.belt[0].toFixed(2)} m/s`);
     return words.join(" · ");
+  };
+  const aboutOf = ({ ended, fault }) => {
+    if (ended) return "The coordination does not answer any more.";
+    if (fault) return "After a stop both robots wait, or are led slowly to where their plans begin. Jobs that came before are missed.";
+    return "Each job goes to a robot that can do it in time. Where their ways cross, one robot yields until the other has passed.";
   };
   const row = (robot) => {
     const made = make("div", robot.yields ? "yields" : "", robots);
@@ -31,10 +37,8 @@ const makeLine = () => {
   const show = (message) => {
     box.hidden = message.robots.length === 0;
     if (box.hidden) return;
-    title.textContent = `Coordination: ${counts(message)}`;
-    about.textContent = message.ended
-      ? "The coordination has ended."
-      : "Each job goes to a robot that can do it in time. Where their ways cross, one robot yields until the other has passed.";
+    counted.textContent = counts(message);
+    about.textContent = aboutOf(message);
     robots.replaceChildren();
     message.robots.forEach(row);
     fault.textContent = message.fault && `Both stop: ${message.fault}`;
