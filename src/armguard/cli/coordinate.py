@@ -26,7 +26,7 @@ PERIOD = 0.01
 # How long the service gets to answer [s].
 PATIENCE = 10.0
 
-# The live view may ask for so long what came of the jobs [s].
+# The live view gets answers for so long after the end [s].
 ASKS = 1.0
 
 
