@@ -3,6 +3,7 @@
 import json
 import re
 import time
+from itertools import product
 from threading import Event
 
 import numpy as np
@@ -19,7 +20,9 @@ from armguard.cli.line_hands import (
     STALE,
     Encoder,
     LineHands,
+    LineStart,
 )
+from armguard.maps.cell_plan import CoordinationError
 from armguard.maps.job import read_line_job
 from armguard.maps.line_cell import Job
 from armguard.maps.line_run import LineRun
@@ -337,6 +340,7 @@ def test_after_a_stop_robots_go_back_and_later_jobs_are_done(folder):
 
 def test_without_recovery_a_stop_is_for_good(folder):
     hands, q = hands_of(folder)
+    assert not hands.engages
     q, _ = driven(hands, q, 1.0)
     q, _ = driven(hands, q, 3.0, 1.0, {"right": Blocked.STOPPED})
     assert hands.run.line.fault and not hands.moves
@@ -356,6 +360,28 @@ def busy(tmp_path_factory):
     file = tmp_path_factory.mktemp("busy") / "job.yaml"
     YAML().dump(job, file)
     return read_line_job(file)
+
+
+def test_robots_that_may_begin_are_not_off_a_plan_at_its_begin_or_its_end(busy):
+    run = LineRun(busy)
+    line, plans = run.line, busy.cell.plans
+    home, accepted = line.motion()[0], 0
+    start = LineStart(busy, home, leads=False)
+    for joint, off in product(range(len(home)), (0.005, 0.02, 0.04, 0.06, 0.1)):
+        q = home.copy()
+        q[joint] += off
+        try:
+            start.way(0.0, q, held=False)
+        except CoordinationError:
+            continue
+        accepted += 1
+        for lane, (name, one) in product(line.lanes, plans.items()):
+            if one.robot == lane.robot:
+                for lane.place in (0.0, one.plan.plan.duration):
+                    lane.plan = name
+                    run.velocities(q)
+                    assert not line.fault
+    assert accepted > len(home) / 2
 
 
 def test_the_state_has_the_places_of_items_and_which_arm_yields_to_which(busy):

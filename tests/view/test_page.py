@@ -59,41 +59,6 @@ def test_the_picture_is_as_high_as_the_page_below_the_header(station):
     assert picture["y"] + picture["height"] == VIEWPORT["height"]
 
 
-def test_what_a_coordination_does_is_on_the_page(station):
-    line = station.page.locator("#line")
-    assert not line.is_visible()
-    does = "puts item 3 down – yields: right passes first, 1.5 s more"
-    robot = {"name": "left", "job": 3, "share": 0.5, "yields": True, "does": does}
-    item = {"job": 3, "xyz": [0.4, 0.0, 0.9], "moves": [0, 0, 0]}
-    state = {
-        "now": 9.0, "robots": [robot], "waiting": 1, "done": 2, "missed": 0,
-        "items": [{**item, "robot": "left", "held": True}], "fault": "",
-        "belt": [0.21, 0.1, 0.3], "decisions": [[8.5, "left yields to right"]],
-    }  # fmt: skip
-    ended = threading.Event()
-
-    def answer():
-        with closing(LinkEnd(station.stage.port, "line")) as end:
-            while not ended.wait(0.005):
-                end.answer(lambda _: state)
-
-    thread = threading.Thread(target=answer)
-    thread.start()
-    try:
-        station.until(lambda: does in line.inner_text(), "no word of it")
-        station.picture("coordination")
-        shown = line.inner_text()
-    finally:
-        ended.set()
-        thread.join()
-    assert "2 jobs done · 0 missed · 1 waiting · belt 0.21 m/s" in shown
-    assert "one robot yields until the other has passed" in shown
-    assert "8.5 s  left yields to right" in shown.replace("8.5 s left", "8.5 s  left")
-    assert line.locator(".yields b").inner_text() == "left"
-    ends = "does not answer any more"
-    station.until(lambda: ends in line.inner_text(), "its end is not shown")
-
-
 def test_why_exactly_has_the_terms_of_the_same_cycle_as_its_sentence(station):
     station.clear()
     fold = station.page.locator("#exactly")
@@ -340,3 +305,39 @@ def test_a_box_is_added_moved_written_and_removed(station):
     station.button("Undo").click()
     count = len(events(station, "place"))
     station.until(lambda: len(events(station, "place")) >= count, "undone")
+
+
+# The last one, since its words stay on the page.
+def test_what_a_coordination_does_is_on_the_page(station):
+    line = station.page.locator("#line")
+    assert not line.is_visible()
+    does = "puts item 3 down – yields: right passes first, 1.5 s more"
+    robot = {"name": "left", "job": 3, "share": 0.5, "yields": True, "does": does}
+    item = {"job": 3, "xyz": [0.4, 0.0, 0.9], "moves": [0, 0, 0]}
+    state = {
+        "now": 9.0, "robots": [robot], "waiting": 1, "done": 2, "missed": 0,
+        "items": [{**item, "robot": "left", "held": True}], "fault": "",
+        "belt": [0.21, 0.1, 0.3], "decisions": [[8.5, "left yields to right"]],
+    }  # fmt: skip
+    ended = threading.Event()
+
+    def answer():
+        with closing(LinkEnd(station.stage.port, "line")) as end:
+            while not ended.wait(0.005):
+                end.answer(lambda _: state)
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    try:
+        station.until(lambda: does in line.inner_text(), "no word of it")
+        station.picture("coordination")
+        shown = line.inner_text()
+    finally:
+        ended.set()
+        thread.join()
+    assert "2 jobs done · 0 missed · 1 waiting · belt 0.21 m/s" in shown
+    assert "one robot yields until the other has passed" in shown
+    assert "8.5 s left yields to right" in shown
+    assert line.locator(".yields b").inner_text() == "left"
+    ends = "does not answer any more"
+    station.until(lambda: ends in line.inner_text(), "its end is not shown")

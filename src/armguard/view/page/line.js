@@ -44,7 +44,7 @@ const makeLine = () => {
     fault.textContent = message.fault && `Both stop: ${message.fault}`;
     decisions.replaceChildren();
     for (const [at, said] of [...message.decisions].reverse()) {
-      make("li", "", decisions).textContent = `${at.toFixed(1)} s  ${said}`;
+      make("li", "", decisions).textContent = `${at.toFixed(1)} s ${said}`;
     }
   };
   return { box, show };
