@@ -414,6 +414,9 @@ def test_the_state_has_the_places_of_items_and_which_arm_yields_to_which(busy):
     waits, own, held = (False, False), (True, False), (True, True)
     assert seen == {1: {waits, own, held}, 2: {waits, own, held}}
     sentences = {re.sub(r"[\d.]+ s", "1 s", one) for one in yields}
-    assert sentences == {"goes to item 2 – yields: left passes first, 1 s more"}
+    first = "goes to item 2 – yields: left passes first"
+    # No time is left while it gets faster again.
+    assert sentences <= {first, f"{first}, 1 s more"}
+    assert f"{first}, 1 s more" in sentences
     assert (state["done"], state["missed"], state["waiting"]) == (2, 0, 0)
     assert state["decisions"][-1][1] == "right has done job 2"
