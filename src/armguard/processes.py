@@ -114,6 +114,7 @@ class Crew:
         words: Sequence[str],
         *,
         log: IO[bytes] | int = subprocess.DEVNULL,
+        stdin: int = subprocess.DEVNULL,
     ) -> subprocess.Popen[bytes]:
         """Start a Python process, `python` and these words.
 
@@ -121,10 +122,11 @@ class Crew:
             name: What it is for; the last one started is the first one ended.
             words: Its arguments.
             log: Where its output goes.
+            stdin: Where its input comes from.
         """
         process = subprocess.Popen(
             [sys.executable, "-c", FIRST, str(os.getpid()), *words],
-            stdin=subprocess.DEVNULL,
+            stdin=stdin,
             stdout=log,
             stderr=log,
             start_new_session=True,

@@ -2,10 +2,8 @@
 
 import json
 import re
-import subprocess
-import sys
 import time
-from pathlib import Path
+from itertools import product
 from threading import Event
 
 import numpy as np
@@ -15,16 +13,23 @@ from typer.testing import CliRunner
 
 import armguard as ag
 from armguard.cli.app import app
-from armguard.cli.coordinate import STALE, Encoder, LineHands
+from armguard.cli.line_hands import (
+    LONGEST_WAY,
+    PAUSE,
+    SLOW,
+    STALE,
+    Encoder,
+    LineHands,
+    LineStart,
+)
+from armguard.maps.cell_plan import CoordinationError
 from armguard.maps.job import read_line_job
+from armguard.maps.line_cell import Job
 from armguard.maps.line_run import LineRun
 from armguard.plans.verify import PlanVerifier
 from armguard.respond.command import Blocked
+from armguard.scene.conveyor import conveyor_job_path, conveyor_path
 from armguard.scene.yaml_source import SceneFileError
-from armguard.service.wire.keys import keys_path
-from armguard.simulation.stage import Stage
-
-EXAMPLE = Path(__file__).parents[2] / "examples" / "line"
 
 SCENE = """
 mode: fixed
@@ -44,6 +49,13 @@ ROWS = {
     "right": "t,right/turn\n0,-0.7\n1,0.2\n2,0.6\n4,-0.7\n",
 }
 ERROR = 0.01
+
+# Time between two commands [s].
+DT = 0.02
+
+# Of the bundled cell: where items arrive along the belt, how high they are gripped, and
+# the middle of the tray [m].
+BEGIN, LOW, TRAY = -1.6, 0.12, (-0.32, 0.0)
 JOB = {
     "scene": "cell.yaml",
     "plans": {
@@ -102,21 +114,29 @@ def test_jobs_are_done_and_their_motion_is_proven_clear(folder):
     assert not PlanVerifier(scene).verify(ag.Plan.of(crash, scene)).clear
 
 
-def test_the_motion_of_the_example_is_proven(tmp_path):
+def test_the_motion_of_the_bundled_job_is_proven(tmp_path):
     motion = tmp_path / "motion.csv"
-    words = ["coordinate", str(EXAMPLE / "job.yaml"), "--motion", str(motion)]
+    words = ["coordinate", str(conveyor_job_path()), "--motion", str(motion)]
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 0, answer.output
     assert "4 of 4 jobs done" in answer.stdout
-    words = ["verify", str(motion), "--scene", str(EXAMPLE / "cell.yaml")]
+    words = ["verify", str(motion), "--scene", str(conveyor_path())]
     assert CliRunner().invoke(app, words).exit_code == 0
 
 
-@pytest.mark.parametrize("options", [["--belt"], ["--motion", "m.csv", "--port", "1"]])
-def test_options_that_do_not_go_together_are_refused(folder, options):
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--belt"], "need a --port"),
+        (["--recover"], "need a --port"),
+        (["--motion", "m.csv", "--port", "1"], "--motion goes without"),
+        (["--port", "1", "--engage"], "--engage needs --recover"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(folder, options, words):
     answer = CliRunner().invoke(app, ["coordinate", str(written(folder)), *options])
     assert answer.exit_code == 2
-    assert "--belt needs a --port" in answer.output
+    assert words in answer.output
 
 
 def test_the_answer_as_json(folder):
@@ -191,7 +211,7 @@ def test_a_position_that_is_no_number_stops_both(folder):
 )
 def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
     belt = {"slowest": 0.1, "fastest": 0.3, "speed": 0.2}
-    run = LineRun(read_line_job(written(folder, conveyor=belt)))
+    job = read_line_job(written(folder, conveyor=belt))
     goes, wait = Event(), Event()
 
     def measurements():
@@ -200,7 +220,8 @@ def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
         wait.wait(10.0)
         yield lines[-1]
 
-    hands = LineHands(run, Encoder(measurements()), quiet=True)
+    hands = LineHands(job, Encoder(measurements()), says=unheard)
+    run = hands.run
     assert goes.wait(10.0)
     q, _ = run.line.motion()
     hands.drive(0.0, q, {})
@@ -217,8 +238,8 @@ def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
 def test_robots_that_the_guard_holds_stop_both(folder):
     # Robots here are a cycle behind.
     plans = {name: {**one, "skew": 0.05} for name, one in JOB["plans"].items()}
-    run = LineRun(read_line_job(written(folder, plans=plans)))
-    hands = LineHands(run, None, quiet=True)
+    hands = LineHands(read_line_job(written(folder, plans=plans)), None, says=unheard)
+    run = hands.run
     q, _ = run.line.motion()
     # Before the start robots wait for velocities of zero.
     desired, _ = hands.drive(0.0, q, {"left": Blocked.STOPPED})
@@ -227,38 +248,175 @@ def test_robots_that_the_guard_holds_stop_both(folder):
         hands.drive(0.02 * k, run.line.motion()[0], {"left": Blocked.NOT})
     assert not run.line.rests
     hands.drive(0.8, run.line.motion()[0], {"left": Blocked.STOPPED})
-    assert run.line.fault.startswith("left: stopped")
+    assert run.line.fault.startswith("the guard holds left: stopped")
 
 
-def test_a_robot_that_is_not_where_its_plans_begin_is_not_led_there(folder):
-    run = LineRun(read_line_job(written(folder)))
-    hands = LineHands(run, None, quiet=True)
-    q, _ = run.line.motion()
-    q[0] += 0.3
+def unheard(now, sentence):
+    """A decision that is not printed."""
+
+
+def hands_of(folder, *, off=(0.0, 0.0), **how):
+    """Hands of a job, and positions of both robots, off where plans begin."""
+    plans = {name: {**one, "skew": 0.05} for name, one in JOB["plans"].items()}
+    job = read_line_job(written(folder, plans=plans))
+    hands = LineHands(job, None, says=unheard, **how)
+    return hands, hands.run.line.motion()[0] + np.array(off)
+
+
+def driven(hands, q, seconds, start=0.0, blocked=None):
+    """Positions of robots that do what they are commanded, and the fastest of that."""
+    fastest = 0.0
+    for k in range(round(seconds / DT)):
+        desired, engaged = hands.drive(start + DT * k, q, blocked or {})
+        assert not engaged
+        q = q + DT * desired
+        if hands.now == 0.0:
+            fastest = max(fastest, np.abs(desired).max())
+    return q, fastest
+
+
+def test_a_robot_that_is_not_where_its_plans_begin_is_named_with_a_remedy(folder):
+    hands, q = hands_of(folder, off=(0.3, 0.0))
     for k in range(3):
-        desired, _ = hands.drive(0.02 * k, q, {})
+        desired, _ = hands.drive(DT * k, q, {})
         assert not desired.any()
-    assert run.line.fault.startswith("left/turn is 0.300 rad") and not hands.moves
+    fault = hands.run.line.fault
+    assert fault.startswith("left/turn is 0.300 rad or m from where its plans begin")
+    assert "drive it there" in fault and "--recover" in fault and not hands.moves
 
 
-@pytest.mark.realtime
-def test_robots_of_a_service_execute_the_example(tmp_path):
-    jobs = YAML(typ="safe").load(EXAMPLE / "job.yaml")
-    jobs["scene"] = str(EXAMPLE / "cell.yaml")
-    for one in jobs["plans"].values():
-        one["file"] = str(EXAMPLE / one["file"])
-    jobs["jobs"] = jobs["jobs"][:2]
-    job = tmp_path / "job.yaml"
-    YAML().dump(jobs, job)
-    with Stage(jobs["scene"], "--no-self-test", "--late=0.05", "--stale=0.1") as stage:
-        stage.start_service()
-        stage.wait_for_service()
-        stage.start_arms()
-        command = [sys.executable, "-m", "armguard", "coordinate", str(job), "--json"]
-        to = ["--port", str(stage.port), "--key-file", str(keys_path(stage.port))]
-        found = subprocess.run(
-            [*command, *to], check=False, capture_output=True, text=True, timeout=120
+def test_robots_are_led_slowly_to_where_their_plans_begin_and_then_do_their_jobs(
+    folder,
+):
+    hands, q = hands_of(folder, off=(0.3, -0.4), recovers=True)
+    home = hands.run.line.motion()[0]
+    q, fastest = driven(hands, q, 1.0)
+    assert (
+        hands.state()["robots"][0]["does"] == "is led slowly to where its plans begin"
+    )
+    assert fastest == SLOW and np.abs(q - home).max() < 0.2
+    # While the guard holds one nothing moves, however long that takes.
+    held = {"left": Blocked.STOPPED}
+    still, _ = driven(hands, q, LONGEST_WAY + 1.0, 1.0, held)
+    assert (still == q).all() and not hands.run.line.fault
+    driven(hands, q, 16.0, 2.0 + LONGEST_WAY)
+    assert hands.run.summary()["done"] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_robot_whose_position_is_no_number_is_not_led(folder, wrong):
+    hands, q = hands_of(folder, off=(0.0, wrong), recovers=True)
+    desired, _ = hands.drive(0.0, q, {})
+    assert not desired.any() and not hands.moves
+    assert hands.run.line.fault.startswith("right/turn is")
+
+
+def test_a_robot_that_does_not_get_to_where_its_plans_begin_is_given_up(folder):
+    hands, q = hands_of(folder, off=(0.3, 0.0), recovers=True)
+    for k in range(round((LONGEST_WAY + 1.0) / DT)):
+        hands.drive(DT * k, q, {})
+    assert "has not come there in 60 s; drive it there" in hands.run.line.fault
+    assert not hands.moves
+
+
+def test_after_a_stop_robots_go_back_and_later_jobs_are_done(folder):
+    said = []
+    hands, q = hands_of(folder, recovers=True)
+    hands._says = lambda now, sentence: said.append(sentence)
+    q, _ = driven(hands, q, 6.0)
+    # Two jobs are done, the third one runs.
+    assert set(hands.run.line.finished) == {1, 2}
+    q, _ = driven(hands, q, 0.5, 6.0, {"left": Blocked.STOPPED})
+    assert hands.run.line.fault.startswith("the guard holds left")
+    q, _ = driven(hands, q, 7.0 + PAUSE, 6.5)
+    assert not hands.run.line.fault and hands.run.line.rests
+    assert [sentence for sentence in said if "jobs go on" in sentence]
+    assert hands.state()["missed"] == 1
+    hands.run.line.add(Job(4, ("carry",)))
+    driven(hands, q, 5.0, 13.5 + PAUSE)
+    found = hands.run.summary()
+    assert found["done"] == [1, 2, 4] and found["missed"] == [3]
+    assert hands.state()["done"] == 3
+
+
+def test_without_recovery_a_stop_is_for_good(folder):
+    hands, q = hands_of(folder)
+    assert not hands.engages
+    q, _ = driven(hands, q, 1.0)
+    q, _ = driven(hands, q, 3.0, 1.0, {"right": Blocked.STOPPED})
+    assert hands.run.line.fault and not hands.moves
+
+
+@pytest.fixture(scope="module")
+def busy(tmp_path_factory):
+    """The bundled cell with a plan of each arm, and two items, for which they meet."""
+    path = conveyor_job_path()
+    job = YAML(typ="safe").load(path)
+    job["scene"] = str(conveyor_path())
+    plans = ["left late", "right early"]
+    job["plans"] = {name: job["plans"][name] for name in plans}
+    for plan in job["plans"].values():
+        plan["file"] = str(path.parent / plan["file"])
+    job["jobs"] = [{"t": t, "plans": plans} for t in (1.0, 7.0)]
+    file = tmp_path_factory.mktemp("busy") / "job.yaml"
+    YAML().dump(job, file)
+    return read_line_job(file)
+
+
+def test_robots_that_may_begin_are_not_off_a_plan_at_its_begin_or_its_end(busy):
+    run = LineRun(busy)
+    line, plans = run.line, busy.cell.plans
+    home, accepted = line.motion()[0], 0
+    start = LineStart(busy, home, leads=False)
+    for joint, off in product(range(len(home)), (0.005, 0.02, 0.04, 0.06, 0.1)):
+        q = home.copy()
+        q[joint] += off
+        try:
+            start.way(0.0, q, held=False)
+        except CoordinationError:
+            continue
+        accepted += 1
+        for lane, (name, one) in product(line.lanes, plans.items()):
+            if one.robot == lane.robot:
+                for lane.place in (0.0, one.plan.plan.duration):
+                    lane.plan = name
+                    run.velocities(q)
+                    assert not line.fault
+    assert accepted > len(home) / 2
+
+
+def test_the_state_has_the_places_of_items_and_which_arm_yields_to_which(busy):
+    hands = LineHands(busy, None, says=unheard)
+    yields, seen = [], {}
+    for k in range(1300):
+        hands.drive(DT * k, hands.run.line.motion()[0], {})
+        state = hands.state()
+        json.dumps(state, allow_nan=False)
+        for item in state["items"]:
+            number, (x, y, z) = item["job"], item["xyz"]
+            arrived = busy.arrivals[number - 1].t
+            assert z == pytest.approx(LOW, abs=5e-3)
+            if item["moves"][1]:
+                # Items arrive at the belt's beginning.
+                begun = hands.now - arrived
+                assert y == pytest.approx(BEGIN + 0.2 * begun, abs=0.2 * DT + 5e-3)
+                assert x == pytest.approx(0.0, abs=5e-3)
+                assert item["moves"] == pytest.approx([0.0, 0.2, 0.0], abs=2e-3)
+            else:
+                assert item["robot"] and np.hypot(x - TRAY[0], y - TRAY[1]) < 0.1
+            seen.setdefault(number, set()).add((bool(item["robot"]), item["held"]))
+        words = {robot["name"]: robot["does"] for robot in state["robots"]}
+        yields += [words[r["name"]] for r in state["robots"] if r["yields"]]
+        assert all(
+            ("yields: " in words[r["name"]]) == r["yields"] for r in state["robots"]
         )
-    answer = json.loads(found.stdout)
-    assert answer["fault"] == "" and answer["done"] == [1, 2], found.stderr
-    assert found.returncode == 0
+    # Each item waits, is an arm's, is held by it, and is put down.
+    waits, own, held = (False, False), (True, False), (True, True)
+    assert seen == {1: {waits, own, held}, 2: {waits, own, held}}
+    sentences = {re.sub(r"[\d.]+ s", "1 s", one) for one in yields}
+    first = "goes to item 2 – yields: left passes first"
+    # No time is left while it gets faster again.
+    assert sentences <= {first, f"{first}, 1 s more"}
+    assert f"{first}, 1 s more" in sentences
+    assert (state["done"], state["missed"], state["waiting"]) == (2, 0, 0)
+    assert state["decisions"][-1][1] == "right has done job 2"

@@ -9,7 +9,10 @@ import time
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from armguard.cli.demo_line import EVERY, OFF, PAIRS, Belt, job_of_demo
 
 DEMO = (sys.executable, "-m", "armguard", "demo", "--headless")
 
@@ -86,6 +89,36 @@ def test_the_demo_shows_arms_that_move_and_touch_nothing(scene):
     assert sum(answer["levels"].values()) == answer["cycles"]
     assert max(answer["moving"].values()) > 0.1
     assert answer["exit_code"] == 0
+
+
+@pytest.mark.realtime
+def test_the_demo_of_the_conveyor_picks_items():
+    words = ("--scene", "conveyor", "--seconds", "24", "--json")
+    run = subprocess.run(
+        [*DEMO, *words], capture_output=True, check=False, text=True, timeout=START + 90
+    )
+    assert run.returncode == 0, run.stderr
+    answer = json.loads(run.stdout)
+    assert answer["items"]["picked"] >= 1
+    assert answer["touched"] is None
+    assert min(answer["moving"].values()) > 0.05
+
+
+def test_items_of_the_demo_are_early_and_late_and_its_belt_is_as_declared():
+    job = job_of_demo(1)
+    times = np.array([one["t"] for one in job["jobs"]])
+    gaps = np.diff(times)
+    assert len(times) == 2 * PAIRS and times.min() >= 0.0
+    assert times[-1] == pytest.approx(EVERY * PAIRS, abs=EVERY)
+    assert np.ptp(gaps[::2]) > 1.5 * OFF and np.ptp(gaps[1::2]) > 1.5 * OFF
+    assert job_of_demo(2)["jobs"] != job["jobs"]
+    belt = Belt(**job["conveyor"])
+    t = np.arange(0.0, 60.0, 0.01)
+    travel, speed = np.array([belt.measured(one) for one in t]).T
+    assert job["conveyor"]["slowest"] < speed.min() < 0.9 * job["conveyor"]["speed"]
+    assert 1.1 * job["conveyor"]["speed"] < speed.max() < job["conveyor"]["fastest"]
+    # The speed is that of the travel.
+    assert np.diff(travel) / 0.01 == pytest.approx(speed[:-1], abs=1e-3)
 
 
 def test_the_demo_in_the_terminal_says_what_it_waits_for_and_what_came_of_it():

@@ -191,19 +191,22 @@ def test_unknown_plans_of_jobs_are_named(known):
         Line(known).add(Job(1, ("left dep",)))
 
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "line" / "job.yaml"
+LINE = Path(__file__).parents[1] / "data" / "line" / "job.yaml"
 
 
 @pytest.fixture(scope="module")
-def example():
-    return read_line_job(EXAMPLE)
+def two_sides():
+    """Two arms on both sides of a belt."""
+    return read_line_job(LINE)
 
 
 # Phases of the belt at which a job once began though the other arm, which followed an
 # item, would keep it waiting too long; at the last one an arm set out too late.
 @pytest.mark.parametrize("phase", [0.0, 1.5708, 2.0944, 3.1416, 5.7596])
-def test_a_job_that_begins_catches_its_item_on_a_belt_of_changing_speed(example, phase):
-    run, now, travel, events = LineRun(example), 0.0, 0.0, []
+def test_a_job_that_begins_catches_its_item_on_a_belt_of_changing_speed(
+    two_sides, phase
+):
+    run, now, travel, events = LineRun(two_sides), 0.0, 0.0, []
     while True:
         speed = 0.2 * (1.0 + 0.15 * sin(now + phase))
         travel += speed * CYCLE

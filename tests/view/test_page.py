@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from armguard.guard.layout import IN_ROBOT
 from armguard.guard.levels import Level
 from armguard.recording.frames import Kind, frame_of
 from armguard.recording.ring import RingReader
+from armguard.service.link import LinkEnd
 
 STOPPED = ("STOP", "RECOVER", "HELD")
 
@@ -303,3 +305,39 @@ def test_a_box_is_added_moved_written_and_removed(station):
     station.button("Undo").click()
     count = len(events(station, "place"))
     station.until(lambda: len(events(station, "place")) >= count, "undone")
+
+
+# The last one, since its words stay on the page.
+def test_what_a_coordination_does_is_on_the_page(station):
+    line = station.page.locator("#line")
+    assert not line.is_visible()
+    does = "puts item 3 down – yields: right passes first, 1.5 s more"
+    robot = {"name": "left", "job": 3, "share": 0.5, "yields": True, "does": does}
+    item = {"job": 3, "xyz": [0.4, 0.0, 0.9], "moves": [0, 0, 0]}
+    state = {
+        "now": 9.0, "robots": [robot], "waiting": 1, "done": 2, "missed": 0,
+        "items": [{**item, "robot": "left", "held": True}], "fault": "",
+        "belt": [0.21, 0.1, 0.3], "decisions": [[8.5, "left yields to right"]],
+    }  # fmt: skip
+    ended = threading.Event()
+
+    def answer():
+        with closing(LinkEnd(station.stage.port, "line")) as end:
+            while not ended.wait(0.005):
+                end.answer(lambda _: state)
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    try:
+        station.until(lambda: does in line.inner_text(), "no word of it")
+        station.picture("coordination")
+        shown = line.inner_text()
+    finally:
+        ended.set()
+        thread.join()
+    assert "2 jobs done · 0 missed · 1 waiting · belt 0.21 m/s" in shown
+    assert "one robot yields until the other has passed" in shown
+    assert "8.5 s left yields to right" in shown
+    assert line.locator(".yields b").inner_text() == "left"
+    ends = "does not answer any more"
+    station.until(lambda: ends in line.inner_text(), "its end is not shown")

@@ -69,7 +69,7 @@ SceneFile = Annotated[
 SceneName = Annotated[
     str,
     typer.Argument(
-        help="Scene file, or a bundled scene: bay, two-pandas, sensed-table."
+        help="Scene file, or a bundled scene: bay, two-pandas, sensed-table, conveyor."
     ),
 ]
 RobotOption = Annotated[

@@ -1,116 +1,33 @@
 """`armguard coordinate`: two robots execute jobs as they arrive."""
 
 import sys
-import threading
-from collections.abc import Iterable, Mapping
+from contextlib import closing
 from pathlib import Path
 from time import monotonic
 from typing import Annotated
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from typer import Option
 
 from armguard.cli.console import CLEAR, TOO_CLOSE, Json, loading_bar, out, print_json
+from armguard.cli.line_hands import Encoder, LineHands, Says
+from armguard.cli.line_state import LINK
 from armguard.maps.job import read_line_job
 from armguard.maps.line_run import LineRun
 from armguard.processes import interrupted
-from armguard.respond.command import Blocked
 from armguard.service.client import Client
+from armguard.service.link import LinkEnd
 from armguard.simulation.driving import DrivingOperator
-
-Floats = NDArray[np.float64]
 
 # Period of decisions without a service [s].
 PERIOD = 0.01
 
-# How long the service, and what measures the belt, get to answer at first [s].
+# How long the service gets to answer [s].
 PATIENCE = 10.0
 
-# A measurement of the belt that is older stops both robots [s].
-STALE = 0.1
-
-
-class Encoder:
-    """Reads how far a belt has moved, and its speed, from lines of two numbers.
-
-    Args:
-        lines: Lines as they come: travel [m], and speed [m/s].
-    """
-
-    def __init__(self, lines: Iterable[str]) -> None:
-        self._newest, self._stamp = (np.nan, np.nan), -np.inf
-        self._wrong = ""
-        threading.Thread(target=self._read, args=(lines,), daemon=True).start()
-
-    def _read(self, lines: Iterable[str]) -> None:
-        for line in lines:
-            try:
-                travel, speed = map(float, line.split())
-            except ValueError:
-                self._wrong = line.strip()[:40]
-                return
-            self._newest, self._stamp = (travel, speed), monotonic()
-
-    def measured(self) -> tuple[float, float] | None:
-        """The newest travel [m] and speed [m/s]; None if they are too old."""
-        return self._newest if monotonic() - self._stamp <= STALE else None
-
-    @property
-    def problem(self) -> str:
-        """Why there is no measurement, in words."""
-        if self._wrong:
-            return f"'{self._wrong}' is no travel and speed of the belt; give m and m/s"
-        return f"the belt was not measured for {STALE:g} s"
-
-
-class LineHands:
-    """The coordination as what drives the robots of a service.
-
-    Attributes:
-        engages: It engages no robot: both stop for good where the guard stops one.
-        moves: Whether anything is left to do.
-        now: Time since the start [s].
-
-    Args:
-        run: What is executed.
-        encoder: What measures the belt; None if it moves at its usual speed.
-        quiet: Whether nothing is printed.
-    """
-
-    def __init__(self, run: LineRun, encoder: Encoder | None, quiet: bool) -> None:
-        self._encoder = encoder
-        self.engages, self.moves, self.now = False, True, 0.0
-        self._run, self._quiet = run, quiet
-        self._start: float | None = None
-
-    def drive(
-        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
-    ) -> tuple[Floats, list[str]]:
-        """See `Operator.drive`."""
-        held = [name for name, why in blocked.items() if why.remedy]
-        if self._start is None:
-            belt = self._encoder is None or self._encoder.measured()
-            # Robots of a service that has begun wait for velocities of zero.
-            if held or (not belt and t < PATIENCE):
-                return np.zeros_like(q), []
-            self._start = t
-        for name in held:
-            self._run.line.stop(f"{name}: {blocked[name].sentence}")
-        self.now = t - self._start
-        measured = None
-        if self._encoder is not None:
-            measured = self._encoder.measured()
-            if measured is None:
-                self._run.line.stop(self._encoder.problem)
-        self.moves = self._run.step(self.now, measured)
-        desired = self._run.velocities(q)
-        if self._run.line.fault:
-            # They slow down where they are: no proof covers the way back to a plan.
-            _, desired = self._run.line.motion()
-        print_events(self._run, self.now, self._quiet)
-        return desired, []
+# The live view gets answers for so long after the end [s].
+ASKS = 1.0
 
 
 def coordinate(
@@ -134,6 +51,21 @@ def coordinate(
             "the belt moves at its usual speed."
         ),
     ] = False,
+    recover: Annotated[
+        bool,
+        Option(
+            help="With --port: lead robots slowly to where their plans begin, at the "
+            "start and after a stop, and go on with later jobs. The guard judges that "
+            "way."
+        ),
+    ] = False,
+    engage: Annotated[
+        bool,
+        Option(
+            help="With --recover, for simulated robots: after a brake reset and engage "
+            "robots without a person. A stop that a person ordered stays."
+        ),
+    ] = False,
     motion: Annotated[
         Path | None,
         Option(help="Without --port: CSV file for the motion of both robots."),
@@ -145,15 +77,26 @@ def coordinate(
     Exit code 0 all jobs are done, 1 an item is missed or both robots stopped, 2 bad
     input.
     """
-    if (port is None and belt) or (port is not None and motion is not None):
-        raise typer.BadParameter("--belt needs a --port; --motion goes without one")
+    drives = port is not None
+    if (drives and motion is not None) or (not drives and (belt or recover)):
+        raise typer.BadParameter(
+            "--belt and --recover need a --port; --motion goes without one"
+        )
+    if engage and not recover:
+        raise typer.BadParameter("--engage needs --recover")
     with loading_bar() as progress:
-        run = LineRun(read_line_job(job, progress))
+        read = read_line_job(job, progress)
+    says = (lambda now, sentence: None) if json else print_event
     if port is None:
-        seconds = execute(run, motion, json)
+        run = LineRun(read)
+        seconds = execute(run, motion, says)
     else:
         encoder = Encoder(sys.stdin) if belt else None
-        seconds = drive(LineHands(run, encoder, json), port, key_file)
+        with closing(LinkEnd(port, LINK)) as link:
+            hands = LineHands(
+                read, encoder, says=says, recovers=recover, engages=engage, link=link
+            )
+            run, seconds = hands.run, drive(hands, port, key_file)
     found = {**run.summary(), "seconds": round(seconds, 3)}
     clear = not run.line.missed and not run.line.fault and run.line.idle
     if json:
@@ -165,15 +108,17 @@ def coordinate(
     raise typer.Exit(CLEAR if clear else TOO_CLOSE)
 
 
-def execute(run: LineRun, motion: Path | None, quiet: bool) -> float:
+def execute(run: LineRun, motion: Path | None, says: Says) -> float:
     """Execute a job at once; returns how long it would have taken [s]."""
     rows, now = [], 0.0
-    while run.step(now):
-        print_events(run, now, quiet)
+    moves = True
+    while moves:
+        moves = run.step(now)
+        for sentence in run.take_events():
+            says(now, sentence)
         rows.append([now, *run.line.motion()[0]])
-        now = round(now / PERIOD + 1.0) * PERIOD
-    print_events(run, now, quiet)
-    rows.append([now, *run.line.motion()[0]])
+        if moves:
+            now = round(now / PERIOD + 1.0) * PERIOD
     if motion is not None:
         title = ",".join(["t", *run.line.cell.q_names])
         np.savetxt(motion, rows, "%.6f", ",", header=title, comments="")
@@ -189,11 +134,12 @@ def drive(hands: LineHands, port: int, key_file: Path | None) -> float:
         client.connect(timeout=PATIENCE)
         operator = DrivingOperator(client, hands)
         operator.run(lambda: ended.is_set() or not hands.moves)
+        until = monotonic() + ASKS
+        while monotonic() < until and not ended.wait(PERIOD):
+            hands.answer()
     return hands.now
 
 
-def print_events(run: LineRun, now: float, quiet: bool) -> None:
-    """Print what was decided."""
-    for sentence in run.take_events():
-        if not quiet:
-            out.print(f"{now:8.2f} s  {sentence}", markup=False)
+def print_event(now: float, sentence: str) -> None:
+    """Print a decision, and when it was made [s]."""
+    out.print(f"{now:8.2f} s  {sentence}", markup=False)

@@ -1,9 +1,11 @@
 """`armguard demo`: a guard at work on simulated arms that an operator drives."""
 
 import os
+import subprocess
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from importlib.util import find_spec
 from typing import Annotated, Any, Literal
 
@@ -26,6 +28,7 @@ from armguard.cli.console import (
     print_json,
     say,
 )
+from armguard.cli.demo_line import LineOperator
 from armguard.errors import StationError
 from armguard.guard import Level
 from armguard.guard.events import Event
@@ -64,9 +67,10 @@ SAYS = 5.0
 
 def demo(
     scene: Annotated[
-        Literal["bay", "two-pandas", "sensed-table"],
+        Literal["bay", "two-pandas", "sensed-table", "conveyor"],
         Option(
-            help="The paper's bay, two Pandas at a table, or the same with sensors."
+            help="The paper's bay, two Pandas at a table, the same with sensors, or "
+            "two Pandas that pick items from a conveyor, coordinated on line."
         ),
     ] = "bay",
     sense: Annotated[
@@ -84,43 +88,58 @@ def demo(
         float | None,
         Option(min=0.1, help="Duration [s]; until interrupted if left out."),
     ] = None,
-    seed: Annotated[int, Option(help="Seed of the operator's random motion.")] = 8,
+    seed: Annotated[
+        int, Option(help="Seed of the operator's random motion, or of the items.")
+    ] = 8,
     page_port: Annotated[int, Option(help="Port of the page.")] = 8080,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Guard two simulated arms that a careless operator drives.
 
-    Service, arms and operator run as separate processes, as with real robots. Exit code
-    0 if nothing touched, 1 if there was a contact.
+    Service, arms and operator run as separate processes, as with real robots. In scene
+    conveyor the operator is `armguard coordinate`. Exit code 0 if nothing touched, 1 if
+    there was a contact.
     """
     scene = "sensed-table" if sense else scene
     say(f"starting a guard, simulated arms and an operator in '{scene}' ...")
     compile_kernels()
-    late = permitted_delay(measured_delay())
+    # There a stop costs all jobs under way.
+    late = MOST_LATE if scene == "conveyor" else permitted_delay(measured_delay())
     stale = STALE + late
     options = ["--response", response, "--late", str(late), "--stale", str(stale)]
     if scene == "sensed-table":
         check_sensors()
         options.append("--simulated-sensors")
-    with interrupted() as ended, Stage(scene, *options, "--no-self-test") as stage:
+    options.append("--no-self-test")
+    line = None
+    with interrupted() as ended, Stage(scene, *options) as stage, ExitStack() as rest:
         stage.start_service()
         made, *_ = open_scene(scene, period=PERIOD, late=late, stale=stale)
         tables = compile_scene(made)
         stage.wait_for_service(waiting(ended))
         stage.start_arms()
-        stage.start_operator(seed=seed)
+        if scene == "conveyor":
+            log = subprocess.DEVNULL if json else rest.enter_context(passed_on())
+            line = rest.enter_context(closing(LineOperator(stage, seed, log)))
+        else:
+            stage.start_operator(seed=seed)
         if not headless and not json:
             show_page(stage, page_port)
         tally = Tally(tables)
-        watch(stage, tally, seconds, ended, Reporter(tally, verbose, quiet=json))
+        reporter = Reporter(tally, verbose, quiet=json)
+        watch(stage, tally, seconds, ended, reporter, line)
     answer: dict[str, Any] = {"scene": scene, **tally.summary()}
+    if line is not None:
+        answer["items"] = {"picked": line.done, "missed": line.missed}
     answer["exit_code"] = CLEAR if answer["touched"] is None else TOO_CLOSE
     if json:
         print_json(answer)
     else:
-        for line in in_words(answer):
-            out.print(line, markup=False)
+        for words in in_words(answer):
+            out.print(words, markup=False)
+        if line is not None:
+            out.print(f"{line.done} items picked, {line.missed} missed")
     raise typer.Exit(answer["exit_code"])
 
 
@@ -248,11 +267,12 @@ def watch(
     seconds: float | None,
     ended: threading.Event,
     reporter: Reporter,
+    line: LineOperator | None,
 ) -> None:
     """Follow the frames of the guard, until time is up or an interrupt.
 
     Time counts from the first cycle, of a scene with sensors from the first one that
-    has their cells.
+    has their cells, and of a conveyor from the start of the coordination.
 
     Raises:
         StationError: The service has ended.
@@ -269,8 +289,10 @@ def watch(
                     if not waits:
                         reporter.add(frame, live.console)
             stage.check()
+            if line is not None:
+                line.check()
             page = page and page_lives(stage)
-            if tally.verdict is None:
+            if tally.verdict is None or not (line is None or line.works):
                 live.update(
                     Text("waiting for the arms, their operator and sensors ...")
                 )
@@ -308,10 +330,15 @@ def show_page(stage: Stage, port: int) -> None:
     if find_spec("viser") is None:
         say("no page: it needs viser, pip install 'armguard[view]'")
         return
-    reading, writing = os.pipe()
     words = ("--port", str(stage.port), "--page-port", str(port))
-    stage.crew.start("view", ("-m", "armguard", "view", *words), log=writing)
-    os.close(writing)
+    with passed_on() as log:
+        stage.crew.start("view", ("-m", "armguard", "view", *words), log=log)
+
+
+@contextmanager
+def passed_on() -> Iterator[int]:
+    """Where processes may write to; their lines are printed, also later."""
+    reading, writing = os.pipe()
 
     def pass_on() -> None:
         with os.fdopen(reading, encoding="utf-8", errors="replace") as lines:
@@ -319,7 +346,11 @@ def show_page(stage: Stage, port: int) -> None:
                 # A link that is broken into two lines cannot be clicked.
                 out.print(line.rstrip(), markup=False, soft_wrap=True)
 
-    threading.Thread(target=pass_on, name="page's words", daemon=True).start()
+    threading.Thread(target=pass_on, name="lines", daemon=True).start()
+    try:
+        yield writing
+    finally:
+        os.close(writing)
 
 
 def page_lives(stage: Stage) -> bool:

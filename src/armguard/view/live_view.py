@@ -15,11 +15,10 @@ from armguard.recording.frames import IN_FRAME, Frame, Kind, frame_of
 from armguard.recording.rights import Role
 from armguard.recording.ring import RingReader, recorder_age
 from armguard.scene import Scene, compile_scene
-from armguard.scene.bay import bay_path
 from armguard.scene.settings import CHOICES
-from armguard.scene.two_pandas import sensed_table_path, two_pandas_path
 from armguard.service.client import Client, Welcome
-from armguard.service.server.scenes import open_scene, scene_hash
+from armguard.service.link import ask
+from armguard.service.server.scenes import BUNDLED, open_scene, scene_hash
 from armguard.service.wire.keys import found_keys
 from armguard.simulation import TeleDriver
 from armguard.simulation.operator import Operator
@@ -29,6 +28,7 @@ from armguard.view.drive_tab import MODES, DriveTab
 from armguard.view.driver import Driver
 from armguard.view.edit_tab import Editor, EditTab
 from armguard.view.lateness import BUSY, Lateness
+from armguard.view.line_items import LineItems
 from armguard.view.sensed import SensorTab
 from armguard.view.view import View
 
@@ -223,10 +223,10 @@ class LiveView(View):
                 )
             self.drawables += self.drive, self.drive.handles
         if commander.role >= Role.SENSE:
-            # Bundled scenes are shared by all users.
-            file = Path(welcome.scene_file) if welcome.scene_file else None
+            file = welcome.scene_file
             with self.tabs.add_tab("Edit", viser.Icon.CUBE):
-                own = None if file == bay_path() else file
+                # Bundled scenes are shared by all users.
+                own = Path(file) if file and not bundled_name(file) else None
                 self.edit = EditTab(world, self.editor, own)
             self.drawables.append(self.edit)
         if world.scene.sensors:
@@ -234,6 +234,13 @@ class LiveView(View):
                 port = self._port
                 tab = SensorTab(world, lambda faults: ask_rig(port, faults))
             self.drawables.append(tab)
+        self.drawables.append(
+            LineItems(
+                world,
+                lambda: ask(self._port, "line"),
+                lambda state: self.page.publish("line", state),
+            )
+        )
         self.page.publish("driving", {"on": False})
         self._hash = welcome.scene_hash
         self.source = LiveFrames(Path(welcome.ring), self._judged, self._other)
@@ -344,9 +351,7 @@ def guarded_scene(welcome: Welcome) -> Scene:
             something that was not checked.
         SceneError: There is no such scene.
     """
-    bundled = {"": "two-pandas", str(two_pandas_path()): "two-pandas"}
-    bundled |= {str(bay_path()): "bay", str(sensed_table_path()): "sensed-table"}
-    name = bundled.get(welcome.scene_file, welcome.scene_file)
+    name = bundled_name(welcome.scene_file) or welcome.scene_file or "two-pandas"
     late, stale = float(welcome.text["late"]), welcome.text["stale"]
     scene, _ = open_scene(name, period=welcome.period, late=late, stale=stale)
     for settings in settings_of(scene):
@@ -359,6 +364,11 @@ def guarded_scene(welcome: Welcome) -> Scene:
         f"the service guards another scene than the one in '{name}'; was the file "
         "changed since it started? start it again"
     )
+
+
+def bundled_name(file: str) -> str:
+    """Name of the bundled scene in a file; empty if it has none."""
+    return next((name for name, path in BUNDLED.items() if str(path()) == file), "")
 
 
 def settings_of(scene: Scene) -> Iterator[dict[str, tuple[Any, Any]]]:

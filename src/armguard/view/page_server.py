@@ -219,6 +219,7 @@ class PageServer:
             '<link rel="stylesheet" href="/station.css">\n'
             '<script src="/pace.js"></script>\n'
             '<script src="/timeline.js" defer></script>\n'
+            '<script src="/line.js" defer></script>\n'
             '<script src="/station.js" defer></script>\n'
         )
         page = page.replace("<title>Viser</title>", "")

@@ -1,6 +1,6 @@
 """The scene a service guards: by file or by name, and its hash."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from hashlib import sha256
@@ -15,6 +15,7 @@ from armguard.geometry.shapes import Box
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.scene import Scene, load_scene
 from armguard.scene.bay import bay_path, bay_scene
+from armguard.scene.conveyor import conveyor_path
 from armguard.scene.exact import ExactTables
 from armguard.scene.meshes import Progress
 from armguard.scene.settings import CHOICES, Mode, ResponseName
@@ -23,8 +24,13 @@ from armguard.scene.two_pandas import sensed_table_path, two_pandas_path
 
 Floats = NDArray[np.float64]
 
-# Scenes that come with the package.
-BUNDLED = ("bay", "two-pandas", "sensed-table")
+# Files of the scenes that come with the package.
+BUNDLED: Mapping[str, Callable[[], Path]] = {
+    "bay": bay_path,
+    "two-pandas": two_pandas_path,
+    "sensed-table": sensed_table_path,
+    "conveyor": conveyor_path,
+}
 
 # Boxes a service holds ready for objects that the scene does not have, and half of
 # their sizes until a client gives others [m].
@@ -67,8 +73,7 @@ def open_scene(
     if what == "bay":
         scene, file = bay_scene("path"), str(bay_path())
     elif what in BUNDLED:
-        path = two_pandas_path() if what == "two-pandas" else sensed_table_path()
-        file = str(path)
+        file = str(BUNDLED[what]())
         scene = load_scene(file, progress=progress)
     elif Path(what).is_file():
         scene, file = load_scene(what, progress=progress), str(Path(what).resolve())

@@ -198,6 +198,7 @@
   };
   remedy.onclick = () => { remedy.blur(); say({ type: "drive" }); };
   const timeLine = makeTimeLine(say);
+  const line = makeLine();
 
   let driving = false; // whether the view wants keys at all
   const held = new Set();
@@ -287,7 +288,8 @@
     } else if (data.type === "veil") {
       veil.textContent = data.said;
       document.documentElement.classList.toggle("grey", data.said !== "");
-    } else if (data.type === "busy") busy.textContent = data.said;
+    } else if (data.type === "line") line.show(data);
+    else if (data.type === "busy") busy.textContent = data.said;
     else if (data.type === "refused") {
       refusal.textContent = data.said;
       [remedy.textContent, remedy.hidden] = [data.remedy, !data.remedy];
@@ -303,7 +305,7 @@
 
   const begin = () => {
     document.body.prepend(bar);
-    document.body.append(veil, busy, refused, fold);
+    document.body.append(veil, busy, refused, fold, line.box);
     refused.hidden = true;
     setInterval(refresh, 50);
     setInterval(tellPads, REPEAT);
