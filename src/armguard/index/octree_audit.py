@@ -44,9 +44,10 @@ def audit(world: World, state: OctreeState) -> None:
     leaves, cells, used = walk(state)
     members = read_lists(leaves, state)
     check_books(used, members, state)
-    check_truth(leaves, cells, members, world, state)
+    gaps = gaps_of_primitives(leaves, cells, world, state)
+    check_truth(leaves, members, gaps)
     check_rule(leaves, members, world, state)
-    check_slack(leaves, cells, world, state)
+    check_slack(gaps, world, state)
 
 
 def demand(holds: bool, sentence: str) -> None:
@@ -159,30 +160,39 @@ def check_books(
     demand(header.overflow_count == overflowed, "overflows are miscounted")
 
 
-def check_truth(
-    leaves: list[int],
-    cells: dict[int, Floats],
-    members: dict[int, set[int]],
-    world: World,
-    state: OctreeState,
-) -> None:
-    """Check that each list holds exactly the primitives that overlap its leaf."""
+def gaps_of_primitives(
+    leaves: list[int], cells: dict[int, Floats], world: World, state: OctreeState
+) -> dict[int, tuple[Floats, Floats]]:
+    """Bounds of the gap between each primitive, grown, and every leaf [m].
+
+    Primitives without leaves, absent or overflowed, are left out.
+    """
     low = np.array([cells[leaf][:3] for leaf in leaves])
     high = np.array([cells[leaf][3:] for leaf in leaves])
+    gaps = {}
     for i in range(len(world.kinds)):
-        if state.residency[i].status in (ABSENT, OVERFLOWED):
-            continue
-        lower, upper = bracket_gaps(int(world.kinds[i]), world.rows[i], low, high)
-        radius = world.rows[i, 0] + world.growth[i]
-        for leaf, least, most in zip(leaves, lower, upper, strict=True):
-            if most < radius - UNDECIDED:
-                demand(i in members[leaf], f"leaf {leaf} lacks primitive {i}")
-            elif least > radius + UNDECIDED:
-                demand(
-                    i not in members[leaf],
-                    f"leaf {leaf} holds primitive {i}, which is "
-                    f"{least - radius:.3g} m away",
-                )
+        if state.residency[i].status not in (ABSENT, OVERFLOWED):
+            kind, radius = int(world.kinds[i]), world.rows[i, 0] + world.growth[i]
+            lower, upper = bracket_gaps(kind, world.rows[i], low, high)
+            gaps[i] = lower - radius, upper - radius
+    return gaps
+
+
+def check_truth(
+    leaves: list[int],
+    members: dict[int, set[int]],
+    gaps: dict[int, tuple[Floats, Floats]],
+) -> None:
+    """Check that each list holds exactly the primitives that overlap its leaf."""
+    for i, (lower, upper) in gaps.items():
+        held = np.array([i in members[leaf] for leaf in leaves])
+        for k in np.flatnonzero(~held & (upper < -UNDECIDED)):
+            raise OctreeError(f"octree audit: leaf {leaves[k]} lacks primitive {i}")
+        for k in np.flatnonzero(held & (lower > UNDECIDED)):
+            raise OctreeError(
+                f"octree audit: leaf {leaves[k]} holds primitive {i}, which is "
+                f"{lower[k]:.3g} m away"
+            )
 
 
 def check_rule(
@@ -211,23 +221,13 @@ def check_rule(
 
 
 def check_slack(
-    leaves: list[int],
-    cells: dict[int, Floats],
-    world: World,
-    state: OctreeState,
+    gaps: dict[int, tuple[Floats, Floats]], world: World, state: OctreeState
 ) -> None:
     """Check that no cell changes sides within the slack of a primitive."""
-    low = np.array([cells[leaf][:3] for leaf in leaves])
-    high = np.array([cells[leaf][3:] for leaf in leaves])
-    for i in range(len(state.anchors)):
-        if state.residency[i].status in (ABSENT, OVERFLOWED):
-            continue
+    for i, (lower, upper) in gaps.items():
         moved = displacement(int(world.kinds[i]), state.anchors[i], world.rows[i])
         promise = state.slack[i] - moved
-        lower, upper = bracket_gaps(int(world.kinds[i]), world.rows[i], low, high)
-        radius = world.rows[i, 0] + world.growth[i]
-        away = np.maximum(np.abs(lower - radius), np.abs(upper - radius))
-        least = float(away.min())
+        least = float(np.maximum(np.abs(lower), np.abs(upper)).min())
         demand(
             promise <= least + UNDECIDED,
             f"primitive {i} may move {promise:.3g} m by its slack, but a cell changes "
