@@ -25,7 +25,7 @@ Ints = NDArray[np.int32]
 
 # Most memory of the bits [bytes], and cells of a link on average.
 MEMORY = 64 << 20
-CELLS = 8192
+CELLS = 7168
 
 # Factor by which the displacement in a cell is lowered until the memory is used up.
 FINER = 0.97
@@ -129,11 +129,14 @@ class JointTable(BruteForce):
             OctreeError: The bits differ, or a status is invalid.
         """
         super().check()
-        fresh = self.cells._replace(bits=self.cells.bits.copy())
+        fresh = self.cells._replace(bits=np.zeros_like(self.cells.bits))
         present = self.residency["status"][self.cells.columns] != ABSENT
         known = [k for k in np.flatnonzero(present).tolist() if not self._is_stale(k)]
+        masks = np.zeros_like(self.cells.stale)
+        for k in known:
+            masks[k // BITS] |= 1 << k % BITS
         self._fill(np.array(known, dtype=np.int32), fresh)
-        if not np.array_equal(fresh.bits, self.cells.bits):
+        if not np.array_equal(fresh.bits, self.cells.bits & masks):
             raise OctreeError("the table is not that of the present primitives")
 
     def statistics(self) -> dict[str, object]:
@@ -144,7 +147,7 @@ class JointTable(BruteForce):
             "kind": "joint_table",
             "links": len(self.cells.row),
             "cells": len(bits),
-            "near_in_a_cell": float(np.bitwise_count(bits).sum() / len(bits)),
+            "near_in_a_cell": float(np.bitwise_count(bits).sum() / max(len(bits), 1)),
             "bytes": bits.nbytes,
         }
 
