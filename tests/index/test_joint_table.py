@@ -277,13 +277,13 @@ def test_verdicts_are_those_of_the_other_indices_for_all_kinds_of_shapes_and_joi
     guards = [Guard(odd_scene(kind)) for kind in KINDS]
     tables, rng, near = guards[0].tables, np.random.default_rng(3), 0
     ours = guards[0].index
-    for _ in range(3000):
+    for _ in range(1500):
         q = random_positions(tables, rng)
         verdicts = [guard.step(q) for guard in guards]
         assert len({verdict.tobytes() for verdict in verdicts}) == 1
         assert (ours.cells.row >= 0).all()
         near += len(verdicts[0].near)
-    assert near > 1000
+    assert near > 500
     ours.check()
 
 
@@ -295,7 +295,7 @@ def test_verdicts_of_the_bay_are_those_of_the_other_indices():
         guards.append(Guard(scene))
     tables, rng = guards[0].tables, np.random.default_rng(4)
     tested = np.zeros(3)
-    for k in range(3000):
+    for k in range(1500):
         if k % 10 == 0:
             q = rng.uniform(tables.lower, tables.upper)
         q = np.clip(q + rng.uniform(-0.01, 0.01, 14), tables.lower, tables.upper)
