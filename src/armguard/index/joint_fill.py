@@ -54,10 +54,11 @@ def fill_cells(reach: float, lines: Longs) -> None:
     f = open_filling(lines)
     columns, bits, counts, search = f.columns, f.cells.bits, f.cells.counts, f.search
     for k in range(columns.shape[0]):
-        w, mask = columns[k] // BITS, ~(1 << (columns[k] % BITS))
+        column = int(columns[k])
+        w, mask = column // BITS, ~(1 << column % BITS)
         for row in range(bits.shape[0]):
             bits[row, w] &= mask
-        search.near[0, k] = columns[k]
+        search.near[0, k] = column
     search.near_count[0] = columns.shape[0]
     for link in range(counts.shape[0]):
         box = search.stack[0]
@@ -92,7 +93,7 @@ def search_box(link: int, top: int, reach: float, f: Filling) -> int:
     split = place_box(link, top, f.links, cells, search)
     left = 0
     for k in range(search.near_count[depth]):
-        column = near[depth, k]
+        column = int(near[depth, k])
         i = cells.columns[column]
         least, best = bracket(link, i, reach, f.world, f.links, search)
         if least > reach + SLACK:
