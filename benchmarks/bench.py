@@ -5,6 +5,7 @@ make bench ARGS="filter --cycles 500"   one of them
 make bench ARGS="batch --scene FILE"    rates of batches in a given scene
 make bench ARGS="robots --only shelf --cycles 100000"   cycles in one scene
 make bench ARGS="service --seconds 60"  the service, ten minutes if not given
+make bench ARGS="joint_table --output docs/joint_table.json"   the joint-space table
 """
 
 from collections.abc import Callable
@@ -39,6 +40,9 @@ NAMES = (
     "scale",
 )
 
+# Those that `all` leaves out.
+ALONE = ("octree", "joint_table")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options(ServiceBench):
@@ -47,8 +51,8 @@ class Options(ServiceBench):
     name: Annotated[
         str,
         typer.Argument(
-            help=f"{', '.join(NAMES)}; all. Or service, which takes ten minutes, or "
-            "octree, which draws the tree of the bay."
+            help=f"{', '.join(NAMES)}; all. Or service, which takes ten minutes, "
+            "octree, which draws the tree of the bay, or joint_table."
         ),
     ] = "all"
     cycles: Annotated[int | None, Option(min=1, help="Cycles to measure.")] = None
@@ -89,7 +93,7 @@ def run(
     """Run a benchmark.
 
     Args:
-        name: One of `NAMES`, octree, or all.
+        name: One of `NAMES` or `ALONE`, or all.
         cycles: Cycles to measure; each benchmark has its own default.
         progress: Called with a sentence before each part that takes a while.
         **own: Arguments of one benchmark: `scene` of "batch", `only` of "robots".
@@ -102,8 +106,8 @@ def run(
     """
     if name == "all":
         return {key: run(key, cycles=cycles, progress=progress) for key in NAMES}
-    if name not in (*NAMES, "octree"):
-        near = did_you_mean(name, [*NAMES, "octree", "all"])
+    if name not in (*NAMES, *ALONE):
+        near = did_you_mean(name, [*NAMES, *ALONE, "all"])
         raise UnknownNameError(f"no benchmark is named '{name}'; {near}")
     module = import_module(f"speed.{name}")
     count = module.CYCLES if cycles is None else cycles

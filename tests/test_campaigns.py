@@ -250,6 +250,7 @@ def test_every_published_file_is_looked_through():
         "coverage",
         "fleet",
         "following",
+        "joint_table",
         "mutants",
         "sense",
         "sensing",

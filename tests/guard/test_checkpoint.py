@@ -287,7 +287,8 @@ class Forked:
 
 
 @pytest.mark.parametrize(
-    ("kind", "count"), [("octree", 0), ("octree", FEW), ("brute_force", 0)]
+    ("kind", "count"),
+    [("octree", 0), ("octree", FEW), ("joint_table", 0), ("brute_force", 0)],
 )
 def test_a_block_is_gripped_carried_and_put_down(kind, count):
     def make():

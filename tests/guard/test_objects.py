@@ -50,7 +50,7 @@ def random_pose(rng):
     return Pose(xyz=(x, y, z), rpy=tuple(rng.uniform(-3, 3, 3)))
 
 
-@pytest.mark.parametrize("kind", ["octree", "brute_force"])
+@pytest.mark.parametrize("kind", ["octree", "joint_table", "brute_force"])
 def test_whatever_came_and_went_the_verdict_is_that_of_a_fresh_guard(kind):
     rng = np.random.default_rng(2)
     guard = Guard(workshop(kind))
@@ -161,7 +161,7 @@ def test_the_file_knows_objects_that_come_later(tmp_path):
     assert guard.step(guard.home).level is Level.CLEAR
 
 
-@pytest.mark.parametrize("kind", ["octree", "brute_force"])
+@pytest.mark.parametrize("kind", ["octree", "joint_table", "brute_force"])
 def test_an_object_takes_another_shape_of_its_kind(kind):
     rng = np.random.default_rng(4)
     guard = Guard(workshop(kind))

@@ -182,7 +182,8 @@ WRONG = {
     ),
     "wrong index": (
         ARM + "index: {kind: bvh}\n",
-        ":3: index.kind: is 'bvh'; it must be 'auto', 'octree' or 'brute_force'",
+        ":3: index.kind: is 'bvh'; it must be 'auto', 'octree', 'joint_table' or "
+        "'brute_force'",
     ),
     "unknown response": (
         "robots:\n  arm: {urdf: panda, response: deflct}\n",

@@ -215,6 +215,8 @@ def stand(
     present[places] = there
     if isinstance(index, BruteForce):
         index.residency["status"][:] = np.where(present, INDEXED, ABSENT)
+        for i in range(len(present)):
+            index.update(i)
         return
     index.low, index.high = cube[:3].copy(), cube[3:6].copy()
     index.max_depth = int(cube[6])

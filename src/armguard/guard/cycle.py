@@ -79,7 +79,7 @@ def rebuild_world(q: Vector, indexed: int, w: Workspace) -> None:
     )
     place_moved(w)
     if indexed != 0:
-        update_index(w)
+        update_index(q, w)
 
 
 @kernel

@@ -9,8 +9,9 @@ separation than the links, and returns only at 1.5 times that distance.
 from armguard.guard.grips import GripperModel, Grips
 from armguard.guard.near_pairs import boxes_apart
 from armguard.guard.needs import look_distance
+from armguard.guard.reindex import has_tree
 from armguard.guard.watch import FEW, Watch
-from armguard.guard.workspace import IndexKind, Workspace
+from armguard.guard.workspace import Workspace
 from armguard.index.octree_query import primitives_in_box
 from armguard.index.octree_state import ABSENT, INDEXED
 from armguard.index.octree_update import octree_insert, octree_remove
@@ -65,7 +66,7 @@ def detail(g: int, h: Grips, w: Workspace) -> None:
 def anything_near(box: int, near: float, w: Workspace, v: Watch) -> bool:
     """Whether any primitive that a gripper is checked against is within a distance."""
     everyone = w.groups.shape[0]
-    if everyone <= FEW or w.settings.index_kind == IndexKind.BRUTE_FORCE:
+    if everyone <= FEW or not has_tree(w):
         for j in range(everyone):
             if is_near(box, j, near, w):
                 return True
@@ -95,16 +96,16 @@ def is_near(box: int, j: int, near: float, w: Workspace) -> bool:
 @kernel(inline=False)
 def put_in(i: int, w: Workspace) -> None:
     """Insert a primitive into the index at its present pose."""
-    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
-        w.octree.residency[i].status = INDEXED
-    else:
+    if has_tree(w):
         octree_insert(i, w.world, w.octree)
+    else:
+        w.octree.residency[i].status = INDEXED
 
 
 @kernel(inline=False)
 def take_out(i: int, w: Workspace) -> None:
     """Remove a primitive from the index."""
-    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
-        w.octree.residency[i].status = ABSENT
-    else:
+    if has_tree(w):
         octree_remove(i, w.world, w.octree)
+    else:
+        w.octree.residency[i].status = ABSENT

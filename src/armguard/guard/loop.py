@@ -46,7 +46,7 @@ from armguard.guard.slots import with_slots
 from armguard.guard.verdict import Verdict
 from armguard.guard.watch import FEW, Watch
 from armguard.guard.workspace import IndexKind, Measured, Memory, Settings, Workspace
-from armguard.guard.world_at_home import build_index, world_at_home
+from armguard.guard.world_at_home import build_index, joint_cells_of, world_at_home
 from armguard.motion import motion_of
 from armguard.record import records
 from armguard.scene.tables import SceneTables
@@ -75,7 +75,7 @@ class Loop:
 
     Attributes:
         tables: The compiled scene.
-        index: The octree, or brute force; for pictures and statistics.
+        index: The index; for pictures and statistics.
 
     Args:
         tables: The compiled scene.
@@ -130,6 +130,7 @@ class Loop:
             grips=self._grips,
             world=world,
             octree=self.index.state,
+            joint_cells=joint_cells_of(self.index),
             sensed=self._sensed.table,
         )
         self._open_ledger(workspace)
@@ -393,7 +394,6 @@ def scratch_of(tables: SceneTables, capacity: int) -> dict[str, Any]:
 
 def index_kind(tables: SceneTables) -> int:
     """How pairs are searched without a prediction of stops: by an index or in turn."""
-    if tables.index.kind == "brute_force":
-        return IndexKind.BRUTE_FORCE
-    few = tables.index.kind == "auto" and tables.modelled <= FEW
-    return IndexKind.LISTED if few else IndexKind.OCTREE
+    if tables.index.kind == "auto":
+        return IndexKind.LISTED if tables.modelled <= FEW else IndexKind.OCTREE
+    return IndexKind[tables.index.kind.upper()]

@@ -8,11 +8,13 @@ from armguard.guard.judged_pair import judge_pair
 from armguard.guard.near_pairs import (
     decide,
     grow_box,
+    index_candidates,
     is_idle,
     keep_owned,
     may_meet,
 )
 from armguard.guard.needs import static_need
+from armguard.guard.reindex import has_tree
 from armguard.guard.search_distance import (
     pair_look,
     way_of_object,
@@ -24,11 +26,7 @@ from armguard.guard.sensed_pairs import judge_sensed
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import FEW
 from armguard.guard.workspace import IndexKind, Workspace
-from armguard.index.octree_query import (
-    octree_candidates,
-    present_primitives,
-    primitives_in_box,
-)
+from armguard.index.octree_query import present_primitives, primitives_in_box
 from armguard.index.octree_state import ABSENT
 from armguard.kernel import kernel
 from armguard.lanes import load, lowest, ones
@@ -140,15 +138,14 @@ def look_for_pairs(w: Workspace) -> int:
 def candidates_within(i: int, look: float, w: Workspace) -> int:
     """Ids that may be within a distance of primitive i, each once.
 
-    In the index, moving primitives are grown by the margin. A greater distance is
-    searched with a box query.
+    An index finds what is within the margin. A greater distance is searched in the
+    octree with a box query; other indices do not know what is within it.
     """
-    residency = w.octree.residency
-    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
-        return int(present_primitives(i, residency, w.candidates))
     token = w.memory.token
     if look <= w.settings.margin:
-        return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
+        return int(index_candidates(i, token, w))
+    if not has_tree(w):
+        return int(present_primitives(i, w.octree.residency, w.candidates))
     for k in range(3):
         w.look_box[k] = w.world.boxes[i, k] - look
         w.look_box[k + 3] = w.world.boxes[i, k + 3] + look

@@ -16,6 +16,7 @@ from armguard.guard.refine import refine_pair
 from armguard.guard.sorting import sort_ids
 from armguard.guard.watch import Watch
 from armguard.guard.workspace import IndexKind, Workspace
+from armguard.index.joint_cells import table_candidates
 from armguard.index.octree_query import (
     octree_candidates,
     present_primitives,
@@ -240,9 +241,12 @@ def open_row(i: int, j: int, near: NearRow, w: Workspace) -> None:
 
 @kernel
 def index_candidates(i: int, token: int, w: Workspace) -> int:
-    """Ids that may be near primitive i, each once: by the octree, or all of them."""
-    if w.settings.index_kind == IndexKind.BRUTE_FORCE:
-        return int(present_primitives(i, w.octree.residency, w.candidates))
+    """Ids that may be near primitive i, each once: by the index, or all of them."""
+    residency, kind = w.octree.residency, w.settings.index_kind
+    if kind == IndexKind.BRUTE_FORCE:
+        return int(present_primitives(i, residency, w.candidates))
+    if kind == IndexKind.JOINT_TABLE:
+        return int(table_candidates(i, w.joint_cells, residency, w.candidates))
     return int(octree_candidates(i, w.octree, w.seen, token, w.candidates))
 
 

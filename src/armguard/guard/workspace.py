@@ -11,6 +11,7 @@ from armguard.guard.grips import Grips
 from armguard.guard.layout import Header, NearRow, RobotRow
 from armguard.guard.sensed import Sensed
 from armguard.guard.watch import Watch
+from armguard.index.joint_cells import JointCells
 from armguard.index.octree_state import OctreeState
 from armguard.index.world import World
 from armguard.motion.state import Motion
@@ -41,11 +42,13 @@ class IndexKind(IntEnum):
         OCTREE: By the octree.
         BRUTE_FORCE: By boxes, one primitive against all others.
         LISTED: By no index: it tests all checked pairs in turn.
+        JOINT_TABLE: By the cells of the joint positions.
     """
 
     OCTREE = 0
     BRUTE_FORCE = 1
     LISTED = 2
+    JOINT_TABLE = 3
 
 
 @record
@@ -155,6 +158,7 @@ class Workspace(NamedTuple):
         grips: Contracts and grippers.
         world: Primitives in the world.
         octree: State of the octree.
+        joint_cells: The joint-space table; without links if the index is another.
         sensed: Sensed cells.
     """
 
@@ -197,6 +201,7 @@ class Workspace(NamedTuple):
     grips: Annotated[Grips, TABLE]
     world: World
     octree: OctreeState
+    joint_cells: JointCells
     sensed: Annotated[Sensed, TABLE]
 
 

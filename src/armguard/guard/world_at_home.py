@@ -5,8 +5,10 @@ from numpy.typing import NDArray
 
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
-from armguard.index import BruteForce, Octree, World
+from armguard.index import BruteForce, JointTable, Octree, World
+from armguard.index.joint_cells import JointCells, no_cells
 from armguard.kernel import kernel
+from armguard.motion.joint_links import fixed_primitives, joint_links
 from armguard.robot.kinematics import forward_kinematics
 from armguard.scene.tables import SceneTables
 
@@ -48,10 +50,19 @@ def place_all(
         row_bounds(kinds[i], world.rows[i], 0.0, world.boxes[i])
 
 
+def joint_cells_of(index: Octree | BruteForce) -> JointCells:
+    """The joint-space table of an index; without links if it is another index."""
+    return index.cells if isinstance(index, JointTable) else no_cells()
+
+
 def build_index(tables: SceneTables, world: World) -> Octree | BruteForce:
-    """The index that the scene declares: octree or brute force."""
+    """The index that the scene declares: octree, joint-space table or brute force."""
     if tables.index.kind == "brute_force":
         return BruteForce(world)
+    if tables.index.kind == "joint_table":
+        return JointTable(
+            world, joint_links(tables), fixed_primitives(tables), reach=tables.margin
+        )
     return Octree(
         world,
         leaf_capacity=tables.index.leaf_capacity,

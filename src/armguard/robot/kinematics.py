@@ -194,26 +194,43 @@ def forward_kinematics(
         T_world: Poses, rows of [R | p], overwritten, shape (b, 12).
     """
     for body in range(parent.shape[0]):
-        frame = T_parent_joint[body]
-        out = T_world[body]
-        up = parent[body]
-        if up < 0:
-            for k in range(12):
-                out[k] = frame[k]
-        else:
-            compose(T_world[up], frame, out)
-        kind = joint_kind[body]
-        if kind == FIXED:
-            continue
-        position = gain[body, 0] * q[q_index[body]] + gain[body, 1]
-        x, y, z = axis[body, 0], axis[body, 1], axis[body, 2]
-        if kind == PRISMATIC:
-            for r in range(3):
-                out[4 * r + 3] += position * (
-                    out[4 * r] * x + out[4 * r + 1] * y + out[4 * r + 2] * z
-                )
-        else:
-            turn(out, x, y, z, sin(position), cos(position))
+        place_body(
+            body, q, parent, joint_kind, q_index, gain, T_parent_joint, axis, T_world
+        )
+
+
+@kernel
+def place_body(
+    body: int,
+    q: Floats,
+    parent: Ints,
+    joint_kind: Ints,
+    q_index: Ints,
+    gain: Floats,
+    T_parent_joint: Floats,
+    axis: Floats,
+    T_world: Floats,
+) -> None:
+    """Write the pose of one body, whose parent has its pose; see above."""
+    frame, out = T_parent_joint[body], T_world[body]
+    up = parent[body]
+    if up < 0:
+        for k in range(12):
+            out[k] = frame[k]
+    else:
+        compose(T_world[up], frame, out)
+    kind = joint_kind[body]
+    if kind == FIXED:
+        return
+    position = gain[body, 0] * q[q_index[body]] + gain[body, 1]
+    x, y, z = axis[body, 0], axis[body, 1], axis[body, 2]
+    if kind == PRISMATIC:
+        for r in range(3):
+            out[4 * r + 3] += position * (
+                out[4 * r] * x + out[4 * r + 1] * y + out[4 * r + 2] * z
+            )
+    else:
+        turn(out, x, y, z, sin(position), cos(position))
 
 
 @kernel

@@ -63,8 +63,9 @@ class IndexSettings:
     """Which index, and how fine.
 
     Attributes:
-        kind: "octree"; "brute_force" for comparison; "auto" for the octree, but in
-            scenes of at most 128 primitives, in which a test of all pairs is faster.
+        kind: "octree"; "joint_table" for a table of joint positions; "brute_force" for
+            comparison; "auto" for the octree, but in scenes of at most 256 primitives,
+            in which a test of all pairs is faster.
         leaf_capacity: The paper's N: a leaf with more primitives is split.
         max_depth: Leaves at this depth are not split; chosen by the scene if None.
         cube: Root cube; chosen by the scene if None, enlarged if too small.
@@ -72,7 +73,7 @@ class IndexSettings:
 
     __pydantic_config__ = CLOSED
 
-    kind: Literal["auto", "octree", "brute_force"] = "auto"
+    kind: Literal["auto", "octree", "joint_table", "brute_force"] = "auto"
     leaf_capacity: Annotated[int, Field(ge=1)] = 5
     max_depth: Annotated[int, Field(ge=0, le=10)] | None = None
     cube: CubeSettings | None = None

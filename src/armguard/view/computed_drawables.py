@@ -73,7 +73,7 @@ class Leaves(Drawable):
         self._revision = -1
 
     def _draw(self, cycle: Cycle) -> None:
-        if self.tables.index.kind == "brute_force":
+        if self.tables.index.kind in ("brute_force", "joint_table"):
             return
         cells = self._cells(cycle.frame)
         corners = np.where(CORNERS, cells[:, None, 3:], cells[:, None, :3])
