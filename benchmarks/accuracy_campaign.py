@@ -2,6 +2,7 @@
 
 make accuracy                                    all of it, about half an hour
 make accuracy ARGS="--quick"                     a few thousand pairs, to try it out
+make accuracy ARGS="--clipping"                  overlap by clipped edges alone
 python benchmarks/accuracy_campaign.py --show box-hull nested 12     one case
 """
 
@@ -11,6 +12,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from importlib.metadata import version
 from typing import Any
 
+from accuracy.clipping import PLACES, compared
 from accuracy.judge import (
     FIGURES,
     MISSED,
@@ -96,6 +98,14 @@ def over_peers(pool: Executor, names: list[str], count: int) -> dict[str, Any]:
     return peers
 
 
+def over_clipping(pool: Any, total: int) -> dict[str, int]:
+    """How often the sign of the distance and clipped edges agree, of so many pairs."""
+    each = BATCH * PLACES
+    batches = [(seed, BATCH) for seed in range(-(-total // each))]
+    parts = pool.starmap(compared, batches, chunksize=1)
+    return {key: sum(part[key] for part in parts) for key in parts[0]}
+
+
 def show(name: str, regime: str, number: str) -> None:
     """One case: the shapes, what we say, what the oracle says, what peers say."""
     batch = judge(*NAMES[name], regime, [int(number)])
@@ -117,6 +127,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pairs", type=int, default=1_000_000)
     parser.add_argument("--peers", type=int, default=100, help="pairs a peer, each")
+    parser.add_argument("--clipping", action="store_true", help="clipping alone")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--page", action="store_true", help="from the last results")
     parser.add_argument("--show", nargs=3, metavar=("KINDS", "REGIME", "NUMBER"))
@@ -131,6 +142,11 @@ def main() -> None:
         chosen.pairs, chosen.peers = 5000, 3
     context = multiprocessing.get_context("spawn")
     with context.Pool(PROCESSES) as pool:
+        clipped = over_clipping(pool, chosen.pairs)
+        keep(RESULTS, "clipping", clipped, chosen.pairs, ("geometry",))
+        if chosen.clipping:
+            write_page()
+            return
         kinds = over_pairs(pool, chosen.pairs)
     # Workers that start children of their own must not be daemons.
     with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
@@ -166,6 +182,7 @@ def page(results: dict[str, Any]) -> str:
             for figure in FIGURES
         },
         peers=results["peers"],
+        clipping=results["clipping"],
         notable=NOTABLE,
         verdicts=VERDICTS,
         kernels=kernels_in_words(results),
