@@ -149,7 +149,7 @@ def test_its_header_is_one_of_cpp_as_well(tmp_path):
 def test_it_goes_on_by_itself_after_a_late_service(serving, tmp_path):
     program = compiled(EXAMPLES / "client.c", tmp_path / "client")
     with serving() as served:
-        command = [str(program), str(served.port), "4"]
+        command = [str(program), str(served.port), "8"]
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         ) as running:
