@@ -10,6 +10,7 @@ from armguard.cells.occupied import FIRST, LAST, OUTSIDE, Visits, visit_cells
 from armguard.errors import ArmguardError
 from armguard.geometry import Box, Capsule, Cylinder, Sphere
 from armguard.geometry.shapes.row import shape_row
+from armguard.maps import regions
 from armguard.maps.cell_plan import CoordinationError
 from armguard.maps.regions import AXIS_BITS, EDGE, MIDDLE, Carried, Rows
 from armguard.maps.reservations import Blocker, Reservations, Starts
@@ -333,6 +334,14 @@ def test_a_start_that_is_forbidden_is_refused(world, start, why):
     with pytest.raises(CoordinationError, match=why):
         space.reserve(regions["right"], start)
     assert space.starts(regions["right"]) == before
+
+
+def test_a_region_with_cells_left_out_is_refused(world, monkeypatch):
+    plan = plan_through(world.scene, "left", [0.0, 0.3])
+    space = Reservations(world.scene)
+    monkeypatch.setattr(regions, "visit_cells", lambda *given: OUTSIDE)
+    with pytest.raises(CoordinationError, match="'left' leaves the box of its cells"):
+        space.region("left", plan)
 
 
 def test_mistakes_are_named(world):

@@ -44,7 +44,7 @@ AXIS_BITS = 16
 MIDDLE = 1 << (AXIS_BITS - 1)
 
 # Most cells that a robot may reach, and room for runs of tiles at first [-].
-MOST_CELLS = 1 << 27
+MOST_CELLS = 1 << 25
 ROOM = 1 << 17
 
 
@@ -245,7 +245,12 @@ class RegionMaker:
             lines = Ledger(visits).lines
             for tile, (T_world, growth) in enumerate(zip(poses, growths, strict=True)):
                 found = visit_cells(*given, T_world, growth, self.edge, tile, lines)
-                assert found != OUTSIDE
+                if found == OUTSIDE:
+                    # A region without these cells would permit contact.
+                    raise CoordinationError(
+                        f"'{robot}' leaves the box of its cells; report this with the "
+                        "plan"
+                    )
             size = int(visits.size[0])
             if size <= room:
                 break
