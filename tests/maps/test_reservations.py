@@ -270,6 +270,18 @@ def test_a_robot_waits_with_its_following_error(world):
     assert first == ["left", "right"]
 
 
+def test_a_robot_does_not_wait_where_a_plan_is_reserved(world):
+    space = Reservations(world.scene)
+    left = plan_through(world.scene, "left", [0.0, -0.7, 0.0])
+    right = plan_through(world.scene, "right", [0.6, 0.0])
+    space.reserve(space.region("left", left), 5.0)
+    region = space.region("right", right)
+    with pytest.raises(CoordinationError, match="'right' would wait where 'left'"):
+        space.in_turn([region])
+    space.forget(10.0)
+    assert space.in_turn([region], after=10.0)[0].start == 10.0
+
+
 def test_what_forbids_an_earlier_start_is_the_last_to_leave(world):
     named = 0
     for seed in range(6):

@@ -137,6 +137,9 @@ class Reservations:
     def rest(self, robot: str, q: Floats, error: float | Floats = 0.0) -> None:
         """Replace all that a robot has reserved: it rests, at all times.
 
+        Plans of other robots that are reserved already may pass there: that is not
+        checked.
+
         Args:
             robot: The robot.
             q: Positions of all joints, shape (n,) [rad or m].
@@ -232,11 +235,13 @@ class Reservations:
             after: Time before which no plan starts [s].
 
         Raises:
-            CoordinationError: No plan of those left can start, and what blocks each.
+            CoordinationError: No plan of those left can start, and what blocks each;
+                or a robot would wait where a plan is reserved already.
         """
         left, found = list(regions), list[Booking]()
         for one in reversed(left):
             if self._free_from[one.robot] == -inf:
+                self._check_wait(one)
                 self.rest(one.robot, one.first, one.error)
         while left:
             # Of each robot its next plan.
@@ -273,6 +278,17 @@ class Reservations:
         if robot not in self._names:
             near = did_you_mean(robot, self._names)
             raise CoordinationError(f"'{robot}' is no robot of the scene; {near}")
+
+    def _check_wait(self, region: Region) -> None:
+        """Refuse a robot that would wait where a plan of another one is reserved."""
+        waits = self._maker.at_rest(region.robot, region.first, region.error)
+        for name, rows in self._rows.items():
+            planned = name != region.robot and self._free_from[name] > -inf
+            if planned and np.isin(rows.cells, waits.cells).any():
+                raise CoordinationError(
+                    f"'{region.robot}' would wait where '{name}' has reserved a cell; "
+                    "forget what is over, or plan from elsewhere"
+                )
 
     def _check_rest(self, region: Region) -> None:
         """Refuse a plan that does not begin where its robot rests."""
