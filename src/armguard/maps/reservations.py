@@ -287,7 +287,7 @@ class Reservations:
             if planned and np.isin(rows.cells, waits.cells).any():
                 raise CoordinationError(
                     f"'{region.robot}' would wait where '{name}' has reserved a cell; "
-                    "forget what is over, or plan from elsewhere"
+                    "forget past reservations, or plan from elsewhere"
                 )
 
     def _check_rest(self, region: Region) -> None:
