@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armguard import separate
-from armguard.address import pointer
+from armguard.address import array_at, pointer
 from armguard.kernel import kernel
 from armguard.separate import SeparateKernel
 
@@ -60,7 +60,7 @@ def half_of(number: int) -> float:
 
 @kernel(separate=True)
 def write(place: int) -> None:
-    numba.carray(pointer(place), (2,), np.float64)[1] = half_of(3)
+    array_at(pointer(place), (2,), np.float64)[1] = half_of(3)
 
 
 @kernel(separate=True)

@@ -7,11 +7,10 @@ from multiprocessing import get_context
 from time import perf_counter_ns
 from typing import Any
 
-import numba
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from armguard.address import pointer
+from armguard.address import array_at, pointer
 from armguard.geometry import (
     Box,
     Capsule,
@@ -173,9 +172,9 @@ def repeat(kind_a: int, a: int, kind_b: int, b: int, count: int, out: int) -> fl
 
     Rows are given by their addresses, as in a cycle.
     """
-    row_a = numba.carray(pointer(a), (ROW_WIDTH,), np.float64)
-    row_b = numba.carray(pointer(b), (ROW_WIDTH,), np.float64)
-    witness = numba.carray(pointer(out), (WITNESS_WIDTH,), np.float64)
+    row_a = array_at(pointer(a), (ROW_WIDTH,), np.float64)
+    row_b = array_at(pointer(b), (ROW_WIDTH,), np.float64)
+    witness = array_at(pointer(out), (WITNESS_WIDTH,), np.float64)
     total = 0.0
     for _ in range(count):
         measure(kind_a, row_a, kind_b, row_b, witness)

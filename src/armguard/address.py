@@ -16,7 +16,10 @@ import numba
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
+from numba.core.typing.npydecl import parse_dtype
 from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+from numba.np.numpy_support import as_dtype
 
 if numba.config.DISABLE_JIT:
     # As on a stack: memory that is soon used again, though not before the kernel that
@@ -31,6 +34,10 @@ if numba.config.DISABLE_JIT:
         """Room for this many float64, as something `carray` takes."""
         RECENT.append(np.zeros(count))
         return ctypes.c_void_p(RECENT[-1].ctypes.data)
+
+    def array_at(place: Any, shape: tuple[int, ...], dtype: Any) -> Any:
+        """A contiguous array of a shape at a place."""
+        return numba.carray(place, shape, dtype)
 
     def call_support(
         function: int, parameters: int, x: float, y: float, z: float
@@ -80,6 +87,34 @@ else:
             return builder.bitcast(place, cgutils.voidptr_t)
 
         return types.voidptr(count), generate
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def array_at(typing_context: Any, place: Any, shape: Any, dtype: Any) -> Any:
+        """A contiguous array of a shape at a place.
+
+        It owns nothing. `numba.carray` would be compiled as a function that returns
+        an array, which code without reference counts may not.
+        """
+        kind = types.Array(parse_dtype(dtype), len(shape), "C")
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            sizes = cgutils.unpack_tuple(builder, args[1])
+            item = as_dtype(kind.dtype).itemsize
+            strides = [context.get_constant(types.intp, item)]
+            for size in sizes[:0:-1]:
+                strides.insert(0, builder.mul(strides[0], size))
+            array = context.make_array(kind)(context, builder)
+            populate_array(
+                array,
+                data=builder.bitcast(args[0], array.data.type),
+                shape=cgutils.pack_array(builder, sizes),
+                strides=cgutils.pack_array(builder, strides),
+                itemsize=context.get_constant(types.intp, item),
+                meminfo=None,
+            )
+            return array._getvalue()
+
+        return kind(place, shape, dtype), generate
 
     @intrinsic  # type: ignore[untyped-decorator]
     def call_c(typing_context: Any, address: Any, arguments: Any) -> Any:

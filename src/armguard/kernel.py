@@ -269,6 +269,7 @@ def compiled(
         pipeline_class=compiler,
         no_cpython_wrapper=not entry,
         no_cfunc_wrapper=True,
+        _nrt=False,
     )(function)
     if not config.DISABLE_JIT:
         jitted.__class__ = EntryDispatcher if entry else InnerDispatcher

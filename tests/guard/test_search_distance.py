@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard import Monitor
@@ -133,7 +134,7 @@ def test_pairs_whose_swept_boxes_are_apart_are_sorted_out_and_no_others(name):
 def write_distances(lines, pairs, out):
     """Distance of each pair of primitives, where the last cycle placed them [m]."""
     world = open_workspace(lines).world
-    witness = np.zeros(WITNESS_WIDTH)
+    witness = array_at(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
         rows, kinds = world.rows, world.kinds

@@ -420,30 +420,34 @@ def future(rng, q, v, free):
     push = rng.choice([-1.0, 0.0, 1.0], 14) * f["acceleration"]
     brake = rng.choice([f["deceleration"], f["deceleration_most"]], 14)
     dt = 5e-4
-    return moments(x, speed, push, brake, f["ramp"], round(free / dt), dt)
+    rows = np.zeros((251, len(x)))
+    driven = round(free / dt)
+    count = write_moments(x, speed, push, brake, f["ramp"], driven, dt, rows)
+    return rows[:count]
 
 
 @kernel(entry=True)
-def moments(x, speed, push, brake, ramp, driven, dt):
+def write_moments(x, speed, push, brake, ramp, driven, dt, rows):
     """Every fortieth position of joints that are driven for some steps, then stop."""
-    rows = np.zeros((251, len(x)))
     count = 0
     for k in range(10_000):
-        before = speed
-        if k < driven:
-            speed = np.clip(speed + push * dt, -1.5, 1.5)
-        else:
-            since = (k - driven + 0.5) * dt
-            now = brake * min(since / ramp, 1.0)
-            speed = np.sign(speed) * np.maximum(np.abs(speed) - now * dt, 0.0)
-            if not speed.any():
-                break
-        x = x + 0.5 * dt * (before + speed)
+        share, moving = min((k - driven + 0.5) * dt / ramp, 1.0), False
+        for j in range(len(x)):
+            before = speed[j]
+            if k < driven:
+                speed[j] = min(max(before + push[j] * dt, -1.5), 1.5)
+            else:
+                less = max(abs(before) - brake[j] * share * dt, 0.0)
+                speed[j] = less if before > 0.0 else -less
+            moving = moving or speed[j] != 0.0
+            x[j] += 0.5 * dt * (before + speed[j])
+        if k >= driven and not moving:
+            break
         if k % 40 == 39:
             rows[count] = x
             count += 1
     rows[count] = x
-    return rows[: count + 1]
+    return count + 1
 
 
 def pairs_of(near):

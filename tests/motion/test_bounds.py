@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from armguard import bay_scene
+from armguard.address import array_at, stack
 from armguard.geometry import HalfSpace
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes import shape_row
@@ -18,13 +19,12 @@ SAMPLES = 20_000
 
 
 @kernel(entry=True)
-def capsule_moves(q, dq, tables, kinds, bodies, local, out):
-    """Way of two points of each primitive from q to q + dq, shape (k, m, 2)."""
-    parent = tables[0]
-    T0, T1 = np.zeros((len(parent), 12)), np.zeros((len(parent), 12))
-    a, b = np.zeros(16), np.zeros(16)
-    for s in range(len(q)):
-        for T, x in ((T0, q[s]), (T1, q[s] + dq[s])):
+def capsule_moves(before, after, tables, kinds, bodies, local, poses, out):
+    """Way of two points of each primitive between two positions, shape (k, m, 2)."""
+    rows = array_at(stack(32), (2, 16), np.float64)
+    T0, T1, a, b = poses[0], poses[1], rows[0], rows[1]
+    for s in range(len(before)):
+        for T, x in ((T0, before[s]), (T1, after[s])):
             forward_kinematics(
                 x, tables[0], tables[1], tables[2], tables[3], tables[4], tables[5], T
             )
@@ -57,9 +57,11 @@ def moves(scene, seed, largest):
         tables.parent, tables.joint_kind, tables.q_index, tables.gain,
         tables.T_parent_joint, tables.axis,
     )  # fmt: skip
+    poses = np.zeros((2, len(tables.parent), 12))
     capsule_moves(
-        q, dq, flat, tables.kinds[:m], tables.bodies[:m], tables.local_rows[:m], out
-    )
+        q, q + dq, flat, tables.kinds[:m], tables.bodies[:m], tables.local_rows[:m],
+        poses, out,
+    )  # fmt: skip
     bounds = displacement_bounds(tables, dq)
     return out.max(axis=2), bounds
 

@@ -97,32 +97,39 @@ SHAPES = {
 
 
 @kernel(entry=True)
-def reach_of_ranges(kind, row, n, axes, joint_kind, middle, width, levers, rows):
-    chain = np.arange(len(joint_kind)).astype(np.int32)
+def reach_of_ranges(
+    kind, row, n, axes, joint_kind, middle, width, levers, rows, chain, sizes, hessian
+):
     count = len(joint_kind)
     joint_rows(n, chain, 0, count, axes, 0, joint_kind, rows)
     joint_ranges(chain, 0, count, middle, width, rows)
-    most = most_way(chain, 0, count, levers, np.abs(middle) + width)
-    hessian = np.zeros((count, 8 * count))
+    most = most_way(chain, 0, count, levers, sizes)
     return side_reach(kind, row, SideMotion(n, False, most, 0, count, rows, hessian))
 
 
 @kernel(entry=True)
-def reach_of_line(kind, row, n, axes, joint_kind, way, width, levers, rows):
-    chain = np.arange(len(joint_kind)).astype(np.int32)
+def reach_of_line(
+    kind, row, n, axes, joint_kind, way, width, levers, rows, chain, sizes, hessian
+):
     count = len(joint_kind)
     joint_rows(n, chain, 0, count, axes, 0, joint_kind, rows)
     for k in range(count):
         rows[k].half_line, rows[k].width = way[k], width[k]
         rows[k].widening = 0.0
-    most = most_way(chain, 0, count, levers, np.abs(way) + width)
-    hessian = np.zeros((count, 8 * count))
+    most = most_way(chain, 0, count, levers, sizes)
     return side_reach(kind, row, SideMotion(n, True, most, 0, count, rows, hessian))
 
 
 @kernel(entry=True)
 def way_by_levers(chain, first, levers, sizes):
     return most_way(chain, first, len(chain), levers, sizes)
+
+
+def scratch(way, width):
+    """The chain of all joints, the sizes of their ways, and room for derivatives."""
+    count = len(way)
+    chain = np.arange(count, dtype=np.int32)
+    return chain, np.abs(way) + width, np.zeros((count, 8 * count))
 
 
 def moved(p, axes, kinds, delta):
@@ -222,7 +229,7 @@ def test_a_shape_reaches_as_far_as_the_vertex_that_gets_farthest(name, kinds):
             width = size * rng.uniform(0.1, 0.5, one.count)
             found = reach_of_ranges(
                 one.kind, one.row, tuple(one.n), one.axes, one.kinds, middle, width,
-                one.levers(), one.rows(),
+                one.levers(), one.rows(), *scratch(middle, width),
             )  # fmt: skip
             known = one.total(one.greatest(middle, width))
             assert found[0] == found[1] >= known - GRAIN
@@ -242,7 +249,7 @@ def test_at_the_ends_of_a_line_it_does_so_too_and_in_between_by_its_bow(name, ki
             width = 0.3 * size * rng.uniform(0.1, 0.5, one.count)
             found = reach_of_line(
                 one.kind, one.row, tuple(one.n), one.axes, one.kinds, way, width,
-                one.levers(), one.rows(),
+                one.levers(), one.rows(), *scratch(way, width),
             )  # fmt: skip
             bow = np.maximum(-0.5 * np.einsum("j,vjk,k->v", way, one.h, way), 0.0)
             for sign, end in zip((-1.0, 1.0), found, strict=True):
@@ -271,6 +278,7 @@ def test_a_half_space_reaches_only_against_its_own_normal(axis, off, known):
         found = reach_of_ranges(
             int(shape.kind), shape_row(shape, T), tuple(n), np.zeros((0, 6)),
             np.zeros(0, dtype=np.int32), none, none, none, records(0, JointRow),
+            *scratch(none, none),
         )  # fmt: skip
         assert found[0] == pytest.approx(known)
 

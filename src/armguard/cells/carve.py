@@ -4,10 +4,9 @@ A cube of cells is free if every pixel whose area it may cover lies behind all o
 The pixels are bounded by a rectangle about the projection of the cube's middle.
 """
 
-import numba
 import numpy as np
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.pyramid import Pyramid, pyramid_of
 from armguard.cells.state import (
     ALL,
@@ -333,7 +332,7 @@ def carve(pyramid_lines: LongVector, look_lines: LongVector) -> None:
     """
     p, look = pyramid_of(pyramid_lines), look_of(look_lines)
     camera, lattice = look.camera, look.lattice
-    offsets = numba.carray(stack(192), (192,), np.float64)
+    offsets = array_at(stack(192), (192,), np.float64)
     write_offsets(camera, lattice.cell, offsets)
     write_side_extents(p, camera)
     edge = BLOCK_SIDE * lattice.cell

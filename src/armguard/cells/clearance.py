@@ -9,11 +9,10 @@ a good guess gives the same bits.
 from math import inf, nan
 from typing import Annotated
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.state import (
     BLOCK_SIDE,
     GROUP_SIDE,
@@ -244,7 +243,7 @@ def search_group(
     group: int, corner: Vec3, query: Query, lattice: Lattice, cells: Bits, out: Nearest
 ) -> None:
     """Search the words of a group with a lower corner [m]."""
-    gaps = numba.carray(stack(64), (64,), np.float64)
+    gaps = array_at(stack(64), (64,), np.float64)
     edge = WORD_SIDE * lattice.cell
     members = reachable(cells.groups[group], corner, edge, query, out.gap)
     members = gaps_of(members, corner, edge, query, out, gaps)
@@ -262,7 +261,7 @@ def search_block(
     block: int, query: Query, lattice: Lattice, cells: Bits, out: Nearest
 ) -> None:
     """Search the groups of a block."""
-    gaps = numba.carray(stack(64), (64,), np.float64)
+    gaps = array_at(stack(64), (64,), np.float64)
     corner = corner_of(place_of_block(block, lattice.blocks), BLOCK_SIDE, lattice)
     edge = GROUP_SIDE * lattice.cell
     members = reachable(cells.blocks[block], corner, edge, query, out.gap)

@@ -3,10 +3,9 @@
 from math import ceil, floor, sqrt
 from typing import Any
 
-import numba
 import numpy as np
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.carve import look_of
 from armguard.cells.state import (
     ALL,
@@ -185,8 +184,8 @@ def mask_cells(
             shell |= np.uint64(bits(touched)) << np.uint64(8 * n)
         add_cells(word, inside, shell & ~inside, out)
         return
-    ball = numba.carray(stack(16), (16,), np.float64)
-    found = numba.carray(stack(10), (10,), np.float64)
+    ball = array_at(stack(16), (16,), np.float64)
+    found = array_at(stack(10), (10,), np.float64)
     ball[:] = 0.0
     for k in range(64):
         at = add(middle, (offsets[k], offsets[64 + k], offsets[128 + k]))
@@ -205,10 +204,10 @@ def words_about(
     """Places of the words that a shape with a margin [m] may touch: first, and end."""
     edge = 4.0 * lattice.cell
     words = lattice.side // 4
-    bounds = numba.carray(stack(6), (6,), np.float64)
+    bounds = array_at(stack(6), (6,), np.float64)
     row_bounds(kind, row, margin + ROUND_OFF, bounds)
-    first = numba.carray(stack(3), (3,), np.float64)
-    last = numba.carray(stack(3), (3,), np.float64)
+    first = array_at(stack(3), (3,), np.float64)
+    last = array_at(stack(3), (3,), np.float64)
     for k in range(3):
         low, high = bounds[k] - lattice.low[k], bounds[3 + k] - lattice.low[k]
         if not (high >= 0.0 and low <= words * edge):
@@ -226,9 +225,9 @@ def mask_shape(kind: int, row: Vector, error: float, margin: float, out: Look) -
     """Add the cells of a shape to the masks; see `mask_shapes`."""
     lattice = out.lattice
     cell = lattice.cell
-    ball = numba.carray(stack(16), (16,), np.float64)
-    found = numba.carray(stack(10), (10,), np.float64)
-    offsets = numba.carray(stack(192), (192,), np.float64)
+    ball = array_at(stack(16), (16,), np.float64)
+    found = array_at(stack(10), (10,), np.float64)
+    offsets = array_at(stack(192), (192,), np.float64)
     ball[:] = 0.0
     write_offsets(kind, row, cell, offsets)
     low, high = -error - ROUND_OFF, margin + ROUND_OFF

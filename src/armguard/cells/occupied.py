@@ -9,10 +9,9 @@ counts as touched.
 from math import floor
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.masks import DIAGONAL, ROUND_OFF, depth_at
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.place import place_row
@@ -94,8 +93,8 @@ def visit_cells(
         Count of runs, or OUTSIDE.
     """
     v = open_visits(lines)
-    row = numba.carray(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
-    box = numba.carray(stack(6), (6,), np.float64)
+    row = array_at(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
+    box = array_at(stack(6), (6,), np.float64)
     width = SIDE * edge
     for i in range(kinds.shape[0]):
         place_row(kinds[i], local_rows[i], T_world[bodies[i]], row)
@@ -134,9 +133,9 @@ def visit_cube(
         v: The visits.
     """
     # First cell along each axis, and cells along an edge, of each cube that waits.
-    waiting = numba.carray(stack(ROOM), (WAITING, 4), np.int64)
-    ball = numba.carray(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
-    witness = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
+    waiting = array_at(stack(ROOM), (WAITING, 4), np.int64)
+    ball = array_at(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
+    witness = array_at(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
     for k in range(ROW_WIDTH):
         ball[k] = 0.0
     put_cube(waiting[0], start[0], start[1], start[2], SIDE)

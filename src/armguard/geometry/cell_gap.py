@@ -2,11 +2,10 @@
 
 from math import nan, sqrt
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.box_separation import box_distance
 from armguard.geometry.gjk import core_gap
 from armguard.geometry.segment_box import nearest_to_box
@@ -142,7 +141,7 @@ def convex_gap(
     x0: float, y0: float, z0: float, x1: float, y1: float, z1: float,
 ) -> float:  # fmt: skip
     """Distance of any convex core to a cell, a lower bound sharp to round-off."""
-    cell = numba.carray(stack(16), (16,), np.float64)
+    cell = array_at(stack(16), (16,), np.float64)
     total = 0.0
     for k in range(16):
         cell[k] = 0.0

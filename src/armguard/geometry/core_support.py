@@ -2,11 +2,10 @@
 
 from math import inf, nan, sqrt
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import call_support, pointer, stack
+from armguard.address import array_at, call_support, pointer, stack
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
@@ -63,7 +62,7 @@ def core_middle(kind: int, row: Row) -> Vec3:
 @kernel(inline=False)
 def support_at(kind: int, address: int, d: Vec3) -> Vec3:
     """The same, for a row by its address."""
-    row = numba.carray(pointer(address), (ROW_WIDTH,), np.float64)
+    row = array_at(pointer(address), (ROW_WIDTH,), np.float64)
     if kind == SPHERE:
         return (0.0, 0.0, 0.0)
     if kind == CAPSULE:
@@ -148,7 +147,7 @@ def hull_support(row: Row, x: float, y: float, z: float) -> Vec3:
     Vertices are compared eight at a time, each with its like of the other half.
     """
     count = int(row[5])
-    v = numba.carray(pointer(int(row[4])), (3 * count,), np.float64)
+    v = array_at(pointer(int(row[4])), (3 * count,), np.float64)
     best, highest, other_half = 0, -inf, 0
     for start in range(0, count, BLOCK):
         half = min(BLOCK, count - start) // 2
@@ -189,7 +188,7 @@ def highest_of_half(
         z: Direction.
     """
     count = v.shape[0] // 3
-    found = numba.carray(stack(16), (2, WIDTH), np.float64)
+    found = array_at(stack(16), (2, WIDTH), np.float64)
     for k in range(WIDTH):
         found[1, k] = k
     lane, top, place = load(found[1], 0), splat(-inf), splat(0.0)

@@ -1,10 +1,9 @@
 """Distance of two cores that are apart: Gilbert, Johnson and Keerthi's algorithm."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.core_support import core_middle, core_support
 from armguard.geometry.simplex import (
     CORNER,
@@ -123,7 +122,7 @@ def repeats(simplex: Matrix, count: int, w: Vec3) -> bool:
 @kernel(inline=False)
 def core_gap(kind_a: int, a: Row, kind_b: int, b: Row) -> float:
     """Proven lower bound on the distance of two cores, sharp to round-off [m]."""
-    simplex = numba.carray(stack(24), (4, CORNER), np.float64)
+    simplex = array_at(stack(24), (4, CORNER), np.float64)
     _gap, lower, _v, _proof, met, _count, _weights, _largest = gjk(
         kind_a, a, kind_b, b, (0.0, 0.0, 0.0), simplex
     )

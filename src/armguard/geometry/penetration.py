@@ -8,11 +8,10 @@ an upper one.
 
 from math import cos, sin
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.box_separation import axis_of
 from armguard.geometry.gjk import TOUCHING
 from armguard.geometry.narrowest import descend, difference, narrowest
@@ -98,9 +97,9 @@ def core_depth(
     References:
         van den Bergen, 2001, Proximity queries and penetration depth computation.
     """
-    corners = numba.carray(stack(CORNER_ROOM), (MOST_CORNERS, 3), np.float64)
-    faces = numba.carray(stack(FACE_ROOM), (MOST_FACES,), FACES)
-    edges = numba.carray(stack(EDGE_ROOM), (MOST_EDGES, 2), np.int64)
+    corners = array_at(stack(CORNER_ROOM), (MOST_CORNERS, 3), np.float64)
+    faces = array_at(stack(FACE_ROOM), (MOST_FACES,), FACES)
+    edges = array_at(stack(EDGE_ROOM), (MOST_EDGES, 2), np.int64)
     for k in range(count):
         put_corner(corners, k, (simplex[k, 0], simplex[k, 1], simplex[k, 2]))
     used, flat_normal = spread_out(kind_a, a, kind_b, b, corners, count, largest)

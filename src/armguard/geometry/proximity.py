@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armguard.address import array_at, stack
 from armguard.errors import PoseError
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
@@ -166,7 +167,8 @@ def measure_all(
         T_b: Its frames in the world, shape (n, 12) or (1, 12).
         out: Witness rows, overwritten, shape (n, 10).
     """
-    a, b = np.zeros(ROW_WIDTH), np.zeros(ROW_WIDTH)
+    rows = array_at(stack(32), (2, ROW_WIDTH), np.float64)
+    a, b = rows[0], rows[1]
     for k in range(out.shape[0]):
         place_row(kind_a, local_a, T_a[min(k, T_a.shape[0] - 1)], a)
         place_row(kind_b, local_b, T_b[min(k, T_b.shape[0] - 1)], b)

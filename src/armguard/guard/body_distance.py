@@ -1,10 +1,9 @@
 """Distance of two bodies, by their primitives or their exact shapes."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.refine import measure_parts
@@ -31,7 +30,7 @@ def body_distance(
     """
     w = open_workspace(lines)
     kinds, rows = w.world.kinds, w.world.rows
-    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    found = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     out[0] = np.inf
     for i in range(first_a, end_a):
         for j in range(first_b, end_b):

@@ -13,11 +13,10 @@ errors are added to it.
 
 from math import inf
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.vec3 import Vec3
 from armguard.geometry.witness import WITNESS_WIDTH
@@ -273,7 +272,7 @@ def least_gap(
     if by_levers >= need + PLENTY:
         return float(by_levers)
     p = new_pair()
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     p.shared = shared_joints(w.bodies[i], w.bodies[j], m)
     p.need = p.drift = 0.0
     p.plan[0], p.plan[1] = plan_i, plan_j

@@ -4,11 +4,10 @@ A grasp target gets between the fingers. A finger that hits it head on, however 
 touches it where it cannot hold it: that is no grasp.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -40,8 +39,8 @@ def runs_into(f: int, o: int, way: Vec3, length: float, h: Grips, w: Workspace) 
         h: Grips.
         w: Workspace.
     """
-    T = numba.carray(stack(12), (12,), np.float64)
-    row = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
+    T = array_at(stack(12), (12,), np.float64)
+    row = array_at(stack(16), (ROW_WIDTH,), np.float64)
     for k in range(12):
         T[k] = 0.0
     T[0] = T[5] = T[10] = 1.0
@@ -73,7 +72,7 @@ def meets(
         w: Workspace.
     """
     kinds, rows = w.world.kinds, w.world.rows
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     gone, steps = 0.0, 0
     while gone < length and steps < STEPS:
         x, y, z = scaled(gone, way)

@@ -11,11 +11,10 @@ however much the guard slows the robot.
 
 from math import inf
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -89,7 +88,7 @@ def read_gripper(
     """Find the grasp target of a gripper, and open or end its contracts."""
     own = h.grippers[g]
     settle_intended(g, h)
-    way = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
+    way = array_at(stack(16), (ROW_WIDTH,), np.float64)
     best, least, now_at = -1, inf, inf
     for o in range(h.objects.shape[0]):
         score = score_of(g, o, u, way, h, w, m)
@@ -199,7 +198,7 @@ def score_of(
 def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> float:
     """Distance of a gripper's fingers and an object; infinite beyond `within` [m]."""
     own, item = h.grippers[g], h.objects[o]
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     kinds, rows = w.world.kinds, w.world.rows
     least = inf
     for f in range(own.first_finger, own.end_finger):
@@ -215,7 +214,7 @@ def fingers_distance(g: int, o: int, within: float, h: Grips, w: Workspace) -> f
 @kernel(inline=False)
 def row_distance(row: Floats, first: int, end: int, w: Workspace) -> float:
     """Distance of a capsule and a range of primitives [m]."""
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     least = inf
     for j in range(first, end):
         measure(

@@ -2,11 +2,10 @@
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.witness import WITNESS_WIDTH
 from armguard.guard.layout import NearRow, put_witness
@@ -218,7 +217,7 @@ def measures_row(i: int, j: int, look: float, count: int, w: Workspace) -> bool:
     if count == w.kept.shape[0]:
         out.reason = CAPACITY
         return False
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     measure(kinds[i], rows[i], kinds[j], rows[j], witness)
     if witness[0] > look:
         remember_plane(i, j, w, witness)

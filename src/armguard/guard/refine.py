@@ -6,11 +6,10 @@ links is at least the distance of the primitives and at least that of the exact 
 the larger of the two is a valid lower bound.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -65,9 +64,9 @@ def measure_parts(i: int, j: int, w: Workspace, nearest: Vector) -> None:
         w: The workspace.
         nearest: Overwritten, shape (10,).
     """
-    row_a = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
-    row_b = numba.carray(stack(16), (ROW_WIDTH,), np.float64)
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    row_a = array_at(stack(16), (ROW_WIDTH,), np.float64)
+    row_b = array_at(stack(16), (ROW_WIDTH,), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     nearest[0] = np.inf
     for m in range(max(w.exact_of[i, 1], 1)):
         kind_a = exact_row(i, m, w, row_a)

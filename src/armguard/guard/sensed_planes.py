@@ -7,10 +7,9 @@ half-spaces stand for hundreds of boxes. They do not end where the boxes do: a l
 is to pass the edge of a box may have to wait until a later cycle finds another plane.
 """
 
-import numba
 import numpy as np
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.evidence import common_source
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
@@ -86,8 +85,8 @@ def slot_of_nearest(nearest: int, free: int, w: Workspace) -> int:
     g.stamp, g.error, g.source = one.stamp, one.error, one.source
     for k in range(3):
         g.low[k], g.high[k] = one.low[k], one.high[k]
-    witness = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
-    row = numba.carray(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
+    witness = array_at(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
+    row = array_at(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
     write_box(g, row)
     measure(query.kind, query.row, BOX, row, witness)
     if not witness[0] - g.error > TOUCHES or free == end_of_slots(s):

@@ -2,10 +2,9 @@
 
 from math import ceil, floor, inf, sqrt
 
-import numba
 import numpy as np
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.deltas import Delta
 from armguard.cells.state import (
     ALL,
@@ -161,10 +160,10 @@ def mark_inside(
     """
     edge = WORD_SIDE * lattice.cell
     words = lattice.side // WORD_SIDE
-    bounds = numba.carray(stack(6), (6,), np.float64)
+    bounds = array_at(stack(6), (6,), np.float64)
     row_bounds(kind, row, grown + edge, bounds)
-    first = numba.carray(stack(3), (3,), np.float64)
-    last = numba.carray(stack(3), (3,), np.float64)
+    first = array_at(stack(3), (3,), np.float64)
+    last = array_at(stack(3), (3,), np.float64)
     for k in range(3):
         low, high = bounds[k] - lattice.low[k], bounds[3 + k] - lattice.low[k]
         first[k] = min(max(floor(low / edge), 0.0), float(words))
@@ -189,7 +188,7 @@ def inside_of_word(
         grown: Growth [m].
         lattice: Place of the cells.
     """
-    ball = numba.carray(stack(16), (16,), np.float64)
+    ball = array_at(stack(16), (16,), np.float64)
     ball[:] = 0.0
     cell = lattice.cell
     corner = corner_of(place, WORD_SIDE, lattice)
@@ -218,7 +217,7 @@ def point_distance(point: Vec3, kind: int, row: Vector, ball: Vector) -> float:
         row: Row of the primitive, world, shape (16,).
         ball: Row of a sphere, zero but for its centre, overwritten.
     """
-    out = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    out = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     ball[1], ball[2], ball[3] = point
     measure(SPHERE, ball, kind, row, out)
     return float(out[0])

@@ -10,11 +10,10 @@ needed.
 
 from math import inf
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, scaled
@@ -28,7 +27,7 @@ from armguard.motion.pair_state import (
     SPENT,
     UNSURE,
     Pair,
-    levers_of,
+    lever_of,
 )
 from armguard.motion.state import (
     BOX_LEVELS,
@@ -119,8 +118,8 @@ def box_gap(
         Least measured distance, lower bound over the box [m], best dimension to halve:
         LINE, a body or NOTHING, and the direction of it in which the pair is nearer.
     """
-    rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    rows = array_at(stack(32), (2, ROW_WIDTH), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     middle_position(node, box, p, m, rows)
     measure(p.kind[0], rows[0], p.kind[1], rows[1], witness)
     distance = witness[0]
@@ -189,16 +188,15 @@ def longest_way(
         body, span = p.body[side], p.plan[side] * NODES + node
         if body < 0:
             continue
-        levers = levers_of(side, p, m)
         n = (witness[7], witness[8], witness[9])
         n = n if side == 0 else scaled(-1.0, n)
         first = 1 + 3 * side
         point = (witness[first], witness[first + 1], witness[first + 2])
         for k in range(p.shared, m.length[body]):
             b = m.joints[body, k]
-            line += half * abs(m.node_way[span, b]) * levers[k]
+            line += half * abs(m.node_way[span, b]) * lever_of(side, k, p, m)
             width = m.node_wide[span, b] + u * m.node_grow[span, b]
-            way = m.box_part[box, b] * width * levers[k]
+            way = m.box_part[box, b] * width * lever_of(side, k, p, m)
             if way > most:
                 most, which = way, int(b)
                 g = dot(n, joint_way(point, b, m.box_axes[b], m))

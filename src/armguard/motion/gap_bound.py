@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from armguard.geometry.vec3 import Vec3
 from armguard.kernel import kernel
 from armguard.motion.joint_rows import SideMotion, joint_ranges, joint_rows
-from armguard.motion.pair_state import Pair, levers_of
+from armguard.motion.pair_state import Pair
 from armguard.motion.side_reach import side_reach
 from armguard.motion.state import NODES, WHOLE, Motion
 from armguard.robot.kinematics import PRISMATIC
@@ -99,7 +99,9 @@ def range_reach(side: int, n: Vec3, p: Pair, m: Motion) -> float:
     first, count = p.shared, 0 if body < 0 else int(m.length[body])
     if count <= first:
         return still_reach(kind, a, n, m)
-    chain, own, sizes = m.joints[body], levers_of(side, p, m), m.spread[plan]
+    chain, own, sizes = m.joints[body], m.levers[p.primitive[side]], m.spread[plan]
+    if p.exact[side] >= 0:
+        own = m.exact_levers[p.exact[side]]
     joint_rows(n, chain, first, count, m.axes, 0, m.joint_kind, m.lever_rows)
     joint_ranges(chain, first, count, m.middle[plan], m.width[plan], m.lever_rows)
     way = most_way(chain, first, count, own, sizes)
@@ -140,7 +142,9 @@ def line_reach(
     if count <= first:
         still = still_reach(kind, a, n, m)
         return (still, still, 0.0)
-    chain, own = m.joints[body], levers_of(side, p, m)
+    chain, own = m.joints[body], m.levers[p.primitive[side]]
+    if p.exact[side] >= 0:
+        own = m.exact_levers[p.exact[side]]
     axes, origin = m.box_axes, 0
     if box == WHOLE:
         axes, origin = m.node_axes, at * m.parent.shape[0]

@@ -8,11 +8,10 @@ distance of convex shapes over a box of shifts is bounded exactly by the plane w
 is least, and by no other.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -51,8 +50,8 @@ def nearest_position(
     Returns:
         The pair's distance there [m], and its normal from A to B.
     """
-    there = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
-    found = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    there = array_at(stack(32), (2, ROW_WIDTH), np.float64)
+    found = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     count = write_columns(node, box, witness, p, m)
     u = bring_together(box, count, rows, witness, m)
     start_positions(node, p, m)

@@ -6,11 +6,10 @@ the middle of each interval the pair is placed and measured, and the interval is
 about that.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.geometry.shapes.row import ROW_WIDTH
@@ -25,7 +24,7 @@ from armguard.motion.pair_state import (
     SPENT,
     UNSURE,
     Pair,
-    levers_of,
+    lever_of,
 )
 from armguard.motion.state import (
     NODES,
@@ -87,7 +86,7 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         a lower bound of the headroom if proven, else an estimate of the deficit [m].
     """
     # Intervals that wait, one on each level and one more, and their proven headroom.
-    waiting = numba.carray(stack(16), (8, 2), np.float64)
+    waiting = array_at(stack(16), (8, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
     effort, left, least = m.effort, 1, np.inf
     while left > 0:
@@ -139,11 +138,10 @@ def is_wide(node: int, p: Pair, m: Motion) -> bool:
     line = wide = 0.0
     for side in range(2):
         body, span = p.body[side], p.plan[side] * NODES + node
-        levers = levers_of(side, p, m)
         for k in range(p.shared, m.length[body] if body >= 0 else 0):
             b = m.joints[body, k]
-            line += abs(m.node_way[span, b]) * levers[k]
-            wide += m.node_wide[span, b] * levers[k]
+            line += abs(m.node_way[span, b]) * lever_of(side, k, p, m)
+            wide += m.node_wide[span, b] * lever_of(side, k, p, m)
     return wide > WIDE * line
 
 
@@ -160,8 +158,8 @@ def span_gap(node: int, p: Pair, m: Motion) -> Vec3:
         The distance in the middle, its least value to second order, and the bound on
         the terms of higher order [m].
     """
-    rows = numba.carray(stack(32), (2, ROW_WIDTH), np.float64)
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    rows = array_at(stack(32), (2, ROW_WIDTH), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     for side in range(2):
         plan, body = p.plan[side], p.body[side]
         if body < 0:

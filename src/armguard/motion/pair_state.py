@@ -57,9 +57,8 @@ new_pair = maker(Pair)
 
 
 @kernel
-def levers_of(side: int, p: Pair, m: Motion) -> Floats:
-    """Levers of the joints that move a side, shape (l,) [m]."""
-    levers: Floats = m.levers[p.primitive[side]]
+def lever_of(side: int, k: int, p: Pair, m: Motion) -> float:
+    """Lever of joint `k` of the chain that moves a side [m]."""
     if p.exact[side] >= 0:
-        levers = m.exact_levers[p.exact[side]]
-    return levers
+        return float(m.exact_levers[p.exact[side], k])
+    return float(m.levers[p.primitive[side], k])

@@ -8,11 +8,10 @@ with its centre.
 from math import inf
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer, stack
+from armguard.address import array_at, pointer, stack
 from armguard.geometry.core_support import core_support, first_highest
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3, add, dot
@@ -84,8 +83,8 @@ def side_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
 @kernel
 def segment_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
     """Greatest reach of a sphere's centre, or of the ends of a capsule's axis [m]."""
-    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
-    reach = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
+    reach = array_at(stack(ENDS), (2, WIDTH), np.float64)
     p = q = (row[1], row[2], row[3])
     if kind == CAPSULE:
         q = (row[4], row[5], row[6])
@@ -112,8 +111,8 @@ def box_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
         z = row[5]
     elif kind != BOX and kind != ELLIPSOID:
         x = y = z = row[6]
-    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
-    growth = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
+    growth = array_at(stack(ENDS), (2, WIDTH), np.float64)
     for c in range(WIDTH):
         put_point(c, corner(row, x, y, z, c), points)
     points_reach(True, points, s, growth)
@@ -178,18 +177,18 @@ def point_at(row: Floats, x: float, y: float, z: float) -> Vec3:
 def hull_reach(row: Floats, s: SideMotion) -> Ends:
     """Greatest reach of a hull's vertices [m]."""
     n, vertices = s.n, int(row[5])
-    v = numba.carray(pointer(int(row[4])), (3 * vertices,), np.float64)
+    v = array_at(pointer(int(row[4])), (3 * vertices,), np.float64)
     # n in the frame of the hull.
     x = row[7] * n[0] + row[10] * n[1] + row[13] * n[2]
     y = row[8] * n[0] + row[11] * n[1] + row[14] * n[2]
     z = row[9] * n[0] + row[12] * n[1] + row[15] * n[2]
     base = dot(n, (row[1], row[2], row[3]))
-    coefficients = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
-    box = numba.carray(stack(6), (6,), np.float64)
-    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
-    bounds = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
-    reach = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
-    still = numba.carray(stack(WIDTH), (WIDTH,), np.float64)
+    coefficients = array_at(stack(ENDS), (2, WIDTH), np.float64)
+    box = array_at(stack(6), (6,), np.float64)
+    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
+    bounds = array_at(stack(ENDS), (2, WIDTH), np.float64)
+    reach = array_at(stack(ENDS), (2, WIDTH), np.float64)
+    still = array_at(stack(WIDTH), (WIDTH,), np.float64)
     one = other = -inf
     best = -1
     if vertices > MANY:
@@ -283,7 +282,7 @@ def box_of_vertices(v: Floats, vertices: int, box: Floats) -> None:
         vertices: Their count, 8 or more.
         box: The six, overwritten.
     """
-    ends = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    ends = array_at(stack(ENDS), (2, WIDTH), np.float64)
     for k in range(3):
         low = high = load(v, k * vertices)
         for start in range(WIDTH, vertices, WIDTH):
@@ -312,7 +311,7 @@ def bound_in_box(box: Floats, row: Floats, s: SideMotion, bounds: Matrix) -> Non
             of coordinates from the box's least ones is at the index with the bits of
             its factors.
     """
-    points = numba.carray(stack(POINTS), (3, WIDTH), np.float64)
+    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
     for k in range(WIDTH):
         a, b, c = box[3 * (k & 1)], box[1 + 3 * (k >> 1 & 1)], box[2 + 3 * (k >> 2)]
         put_point(k, point_at(row, a, b, c), points)
@@ -346,7 +345,7 @@ def interpolated(a: Any, b: Any, c: Any, box: Floats, bounds: Matrix) -> Any:
 @kernel
 def highest_vertex(v: Floats, vertices: int, box: Floats, bounds: Matrix) -> int:
     """Index of the first vertex with the greatest bound, of 8 vertices or more."""
-    found = numba.carray(stack(ENDS), (2, WIDTH), np.float64)
+    found = array_at(stack(ENDS), (2, WIDTH), np.float64)
     for k in range(WIDTH):
         found[1, k] = k
     lane, top, place = load(found[1], 0), splat(-inf), splat(0.0)

@@ -20,11 +20,10 @@ All coordinates are in the frame of the body that carries both chains.
 from math import inf, pi, sin
 from typing import Annotated, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_point, place_row
 from armguard.geometry.vec3 import Vec3, cross, norm, scaled, sub
@@ -340,7 +339,7 @@ def bound_boxes(
         out: Bounds, overwritten, shape (k,).
     """
     t = open_link_pair(lines)
-    witness = numba.carray(stack(10), (WITNESS_WIDTH,), np.float64)
+    witness = array_at(stack(10), (WITNESS_WIDTH,), np.float64)
     for box in range(centres.shape[0]):
         found = out[box]
         place_box(centres[box], halves[box], t)

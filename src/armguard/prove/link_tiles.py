@@ -12,11 +12,10 @@ different places. Two lower bounds of the distance are known; the larger counts:
 
 from math import inf, sqrt
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.batch.balls import SLACK
 from armguard.batch.plan import Plan
 from armguard.geometry.pairs import measure
@@ -222,7 +221,7 @@ def bound_model(
         p: The plan.
         t: The links, their bodies in the middle of the tile.
     """
-    seen = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
+    seen = array_at(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
     a, b, shared = t.pairs[pair, LINK_A], t.pairs[pair, LINK_B], t.pairs[pair, SHARED]
     place_shapes(a, model, shared, p, t)
     place_shapes(b, model, shared, p, t)
@@ -288,7 +287,7 @@ def bound_pair(pair: int, limit: float, off: bool, p: Plan, t: Links) -> TileGap
         p: The plan.
         t: The links.
     """
-    near = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
+    near = array_at(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
     one = bound_model(pair, PRIMITIVES, limit, near, p, t)
     lower, upper, found, deepest = one.lower, one.upper, one.found, one.deepest
     a, b = t.pairs[pair, LINK_A], t.pairs[pair, LINK_B]

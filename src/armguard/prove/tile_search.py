@@ -7,11 +7,10 @@ those that it could not decide.
 from math import inf
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.batch.plan import Plan
 from armguard.kernel import kernel
 from armguard.prove.link_tiles import bound_pair, measure_ways
@@ -304,8 +303,8 @@ def least_in_tiles(
             no tile; shape (g, 5).
     """
     p, t, u = open_plan(plan), open_links(links), open_tube(tube)
-    waiting = numba.carray(stack(PLACES), (WAITING, 3), np.float64)
-    tile = numba.carray(stack(SPAN), (SPAN,), np.float64)
+    waiting = array_at(stack(PLACES), (WAITING, 3), np.float64)
+    tile = array_at(stack(SPAN), (SPAN,), np.float64)
     for k in range(best.shape[0]):
         best[k, 0] = best[k, 1] = inf
     for k in range(tiles.shape[0]):

@@ -2,11 +2,10 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.kernel import kernel
 from armguard.table import IntVector, Matrix, Vector, opener, table
 
@@ -83,7 +82,7 @@ def take_part(
     wide: Floats,
 ) -> None:
     """Write the chords of the joints that follow parameter d, see `take_tile`."""
-    c = numba.carray(stack(MOST_CONTROL), (MOST_CONTROL,), np.float64)
+    c = array_at(stack(MOST_CONTROL), (MOST_CONTROL,), np.float64)
     degree = tube.control.shape[0] // tube.wide.shape[0] - 1
     segment, low, high = (
         int(tile[SPAN * d]),

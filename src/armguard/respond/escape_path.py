@@ -9,11 +9,10 @@ proof may still slow the robot where the motion passes other bodies closely.
 
 from math import inf, sqrt
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
@@ -255,8 +254,8 @@ def ball_gap(i: int, obstacle: Approaching, e: Escape, w: Workspace) -> float:
     """
     if not obstacle.radius > 0.0:
         return -inf
-    row = numba.carray(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
-    witness = numba.carray(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
+    row = array_at(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
+    witness = array_at(stack(WITNESS_WIDTH), (WITNESS_WIDTH,), np.float64)
     row[:] = 0.0
     row[0] = obstacle.radius
     for k in range(3):

@@ -4,11 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.bounds import row_bounds
 from armguard.geometry.shapes import ROW_WIDTH, PlacedShape, Shape, ShapeKind, shape_row
 from armguard.kernel import kernel
@@ -138,7 +137,7 @@ def extent(kinds: Ints, rows: Floats, out: Floats) -> None:
         out: Lower and upper corner, overwritten, shape (6,) [m]; without primitives
             the lower is infinite and the upper minus infinite.
     """
-    box = numba.carray(stack(6), (6,), np.float64)
+    box = array_at(stack(6), (6,), np.float64)
     for k in range(3):
         out[k], out[k + 3] = np.inf, -np.inf
     for i in range(kinds.shape[0]):

@@ -1,14 +1,13 @@
 """Distances of all checked pairs of a scene, at any configuration."""
 
 from collections.abc import Sequence
-from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.scene.exact import ExactTables
 from armguard.scene.hold_tables import COARSE
-from armguard.scene.proposal import Tree, sample_extremes
+from armguard.scene.proposal import Tree, sampled_extremes
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -55,14 +54,7 @@ class Distances:
         self._rows = np.concatenate([tables.local_rows, exact.rows])
         self._bodies = np.concatenate([tables.bodies, bodies_of(exact, tables.bodies)])
         self._measured = refined(np.stack([i, j, owner], axis=1), exact)
-        self._tree = Tree(
-            tables.parent,
-            tables.joint_kind,
-            tables.q_index,
-            tables.gain,
-            tables.T_parent_joint,
-            tables.axis,
-        )
+        self._tree = Tree.of(tables)
 
     def __len__(self) -> int:
         """How many pairs of shapes are measured."""
@@ -88,20 +80,15 @@ class Distances:
         measured = self._measured
         if only is not None:
             measured = measured[np.isin(measured[:, 2], only)]
-        least = np.full(len(self.pairs), inf)
-        most = np.full(len(self.pairs), -inf)
-        if len(measured):
-            sample_extremes(
-                np.ascontiguousarray(q),
-                self._tree,
-                self._kinds,
-                self._bodies,
-                self._rows,
-                measured,
-                least,
-                most,
-            )
-        return least, most
+        return sampled_extremes(
+            np.ascontiguousarray(q),
+            self._tree,
+            self._kinds,
+            self._bodies,
+            self._rows,
+            measured,
+            len(self.pairs),
+        )
 
 
 def bodies_of(exact: ExactTables, bodies: Ints) -> Ints:

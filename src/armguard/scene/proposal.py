@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
 from armguard.kernel import kernel
@@ -74,29 +75,18 @@ def propose_allowed(
     primitive_pairs, pairs = checked_pairs(tables)
     if not pairs:
         return []
-    least = np.full(len(pairs), np.inf)
-    greatest = np.full(len(pairs), -np.inf)
     low = np.where(np.isfinite(tables.lower), tables.lower, -HALF_TURN)
     high = np.where(np.isfinite(tables.upper), tables.upper, HALF_TURN)
     rng = np.random.default_rng(seed)
     configurations = rng.uniform(low, high, size=(samples, len(low)))
-    tree = Tree(
-        tables.parent,
-        tables.joint_kind,
-        tables.q_index,
-        tables.gain,
-        tables.T_parent_joint,
-        tables.axis,
-    )
-    sample_extremes(
+    least, greatest = sampled_extremes(
         configurations,
-        tree,
+        Tree.of(tables),
         tables.kinds,
         tables.bodies,
         tables.local_rows,
         primitive_pairs,
-        least,
-        greatest,
+        len(pairs),
     )
     found = [
         Proposal(a, b, float(lo), float(hi), samples)
@@ -126,7 +116,7 @@ def checked_pairs(tables: SceneTables) -> tuple[Ints, list[tuple[str, str]]]:
 
 
 class Tree(NamedTuple):
-    """Joints of a scene, see `SceneTables`."""
+    """Joints of a scene, see `SceneTables`; and poses of its bodies, overwritten."""
 
     parent: Ints
     joint_kind: Ints
@@ -134,20 +124,32 @@ class Tree(NamedTuple):
     gain: Floats
     T_parent_joint: Floats
     axis: Floats
+    T_world: Floats
+
+    @classmethod
+    def of(cls, tables: SceneTables) -> "Tree":
+        """Joints of a compiled scene."""
+        return cls(
+            tables.parent,
+            tables.joint_kind,
+            tables.q_index,
+            tables.gain,
+            tables.T_parent_joint,
+            tables.axis,
+            np.zeros((len(tables.parent), 12)),
+        )
 
 
-@kernel(entry=True)
-def sample_extremes(
+def sampled_extremes(
     configurations: Floats,
     tree: Tree,
     kinds: Ints,
     bodies: Ints,
     local_rows: Floats,
     pairs: Ints,
-    least: Floats,
-    greatest: Floats,
-) -> None:
-    """Least and greatest distance of body pairs over many configurations.
+    count: int,
+) -> tuple[Floats, Floats]:
+    """Least and greatest distance of body pairs over many configurations [m].
 
     Args:
         configurations: Joint positions, shape (s, n).
@@ -156,11 +158,41 @@ def sample_extremes(
         bodies: Bodies of the primitives.
         local_rows: Primitives in their bodies.
         pairs: Two primitives and their body pair, ascending, shape (k, 3).
-        least: Least distance of each body pair, updated [m].
-        greatest: Greatest distance of each body pair, updated [m].
+        count: Number of body pairs; those without primitives get inf and -inf.
     """
-    T_world, rows = np.zeros((tree.parent.shape[0], 12)), local_rows.copy()
-    witness, nearest = np.zeros(10), np.zeros(least.shape[0])
+    extremes = np.full((3, count), np.inf)
+    extremes[1] = -np.inf
+    rows = np.stack((local_rows, local_rows))
+    sample_extremes(configurations, tree, kinds, bodies, rows, pairs, extremes)
+    return extremes[0], extremes[1]
+
+
+@kernel(entry=True)
+def sample_extremes(
+    configurations: Floats,
+    tree: Tree,
+    kinds: Ints,
+    bodies: Ints,
+    rows: Floats,
+    pairs: Ints,
+    extremes: Floats,
+) -> None:
+    """Update the extremes of `sampled_extremes`.
+
+    Args:
+        configurations: See there.
+        tree: See there.
+        kinds: See there.
+        bodies: See there.
+        rows: Primitives in their bodies, and in the world, overwritten, shape
+            (2, p, 16).
+        pairs: See there.
+        extremes: Least and greatest distance of each body pair [m], and a row of
+            scratch, shape (3, k).
+    """
+    witness = array_at(stack(10), (10,), np.float64)
+    least, greatest, nearest = extremes[0], extremes[1], extremes[2]
+    local, world = rows[0], rows[1]
     for s in range(configurations.shape[0]):
         forward_kinematics(
             configurations[s],
@@ -170,15 +202,15 @@ def sample_extremes(
             tree.gain,
             tree.T_parent_joint,
             tree.axis,
-            T_world,
+            tree.T_world,
         )
         for i in range(kinds.shape[0]):
             if bodies[i] >= 0:
-                place_row(kinds[i], local_rows[i], T_world[bodies[i]], rows[i])
+                place_row(kinds[i], local[i], tree.T_world[bodies[i]], world[i])
         nearest[:] = np.inf
         for k in range(pairs.shape[0]):
             i, j, owner = pairs[k, 0], pairs[k, 1], pairs[k, 2]
-            measure(kinds[i], rows[i], kinds[j], rows[j], witness)
+            measure(kinds[i], world[i], kinds[j], world[j], witness)
             nearest[owner] = min(nearest[owner], witness[0])
         for p in range(nearest.shape[0]):
             least[p] = min(least[p], nearest[p])

@@ -1,10 +1,9 @@
 """A kernel about readings of zones that links or modelled objects account for."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import norm, sub
@@ -95,8 +94,8 @@ def explain(
         balls: See `Placed`, shape (p, 5) [m].
         out: The zones, overwritten, shape (rows, columns).
     """
-    box = numba.carray(stack(16), (16,), np.float64)
-    found = numba.carray(stack(10), (10,), np.float64)
+    box = array_at(stack(16), (16,), np.float64)
+    found = array_at(stack(10), (10,), np.float64)
     box[:] = 0.0
     for k in range(9):
         box[7 + k] = mount[k]

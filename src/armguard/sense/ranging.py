@@ -2,11 +2,10 @@
 
 from math import inf, sqrt
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.masks import depth_at
 from armguard.geometry.pairs import measure
 from armguard.geometry.place import place_row
@@ -148,8 +147,8 @@ def cast_into(
         out: See `cast`; of a ray that meets none so far the distance up to which it is
             followed.
     """
-    centre = numba.carray(stack(16), (16,), np.float64)
-    found = numba.carray(stack(10), (10,), np.float64)
+    centre = array_at(stack(16), (16,), np.float64)
+    found = array_at(stack(10), (10,), np.float64)
     centre[:] = 0.0
     # A ray that begins in a shape does not enter it.
     if depth_at(kind, row, origin, centre, found)[0] <= AT_SURFACE:
@@ -240,7 +239,7 @@ def touching(
         balls: Middle and radius of a ball about each, shape (p, 4) [m].
         out: Whether each box does, overwritten, shape (n,).
     """
-    found = numba.carray(stack(10), (10,), np.float64)
+    found = array_at(stack(10), (10,), np.float64)
     for n in range(boxes.shape[0]):
         out[n] = False
         middle = (boxes[n, 1], boxes[n, 2], boxes[n, 3])
@@ -267,8 +266,8 @@ def nearest(
         out: Of each point the signed distance, infinite without a primitive, and the
             unit normal from the primitive to it; overwritten, shape (n, 4) [m].
     """
-    ball = numba.carray(stack(16), (16,), np.float64)
-    found = numba.carray(stack(10), (10,), np.float64)
+    ball = array_at(stack(16), (16,), np.float64)
+    found = array_at(stack(10), (10,), np.float64)
     ball[:] = 0.0
     for n in range(points.shape[0]):
         point = (points[n, 0], points[n, 1], points[n, 2])
@@ -323,9 +322,9 @@ def linearise(
             its derivatives by shift and turn of the offset; and the primitive, -1 for
             none, overwritten: the one found before is looked at first. Shape (n, 8).
     """
-    ball = numba.carray(stack(16), (16,), np.float64)
-    found = numba.carray(stack(10), (10,), np.float64)
-    turned = numba.carray(stack(3), (3,), np.float64)
+    ball = array_at(stack(16), (16,), np.float64)
+    found = array_at(stack(10), (10,), np.float64)
+    turned = array_at(stack(3), (3,), np.float64)
     ball[:] = 0.0
     for n in range(points.shape[0]):
         for k in range(3):

@@ -2,11 +2,10 @@
 
 from math import nan
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
+from armguard.address import array_at, pointer
 from armguard.geometry.pairs.box_box import box_box
 from armguard.geometry.pairs.capsule_box import capsule_box
 from armguard.geometry.pairs.capsule_capsule import capsule_capsule
@@ -71,9 +70,9 @@ def measure_at(kind_a: int, a: int, kind_b: int, b: int, out: int) -> None:
 
     To hand three arrays over takes as long as the shorter formulas do.
     """
-    row_a = numba.carray(pointer(a), (ROW_WIDTH,), np.float64)
-    row_b = numba.carray(pointer(b), (ROW_WIDTH,), np.float64)
-    witness = numba.carray(pointer(out), (WITNESS_WIDTH,), np.float64)
+    row_a = array_at(pointer(a), (ROW_WIDTH,), np.float64)
+    row_b = array_at(pointer(b), (ROW_WIDTH,), np.float64)
+    witness = array_at(pointer(out), (WITNESS_WIDTH,), np.float64)
     measure_ranked(kind_a, row_a, kind_b, row_b, witness)
 
 

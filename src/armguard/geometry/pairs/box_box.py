@@ -1,10 +1,9 @@
 """Box against box, sharp or rounded. Conventions: see docs/conventions.md."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.box_frame import to_box, turn_from_box, turn_to_box
 from armguard.geometry.box_separation import box_distance
 from armguard.geometry.gjk import gjk
@@ -39,7 +38,7 @@ def box_box(a: Row, b: Row, out: Row) -> None:
         b: Box row, shape (16,); world [m].
         out: Witness row, shape (10,), overwritten.
     """
-    simplex = numba.carray(stack(24), (4, CORNER), np.float64)
+    simplex = array_at(stack(24), (4, CORNER), np.float64)
     gap, lower, _v, proof, _met, count, weights, largest = gjk(
         BOX, a, BOX, b, (0.0, 0.0, 0.0), simplex
     )

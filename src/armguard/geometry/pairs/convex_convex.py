@@ -1,10 +1,9 @@
 """Any two convex shapes, by support functions. Conventions: docs/conventions.md."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.geometry.gjk import CLOSE, gjk
 from armguard.geometry.penetration import core_depth
 from armguard.geometry.simplex import CORNER, point_of_a
@@ -34,7 +33,7 @@ def convex_convex(kind_a: int, a: Row, kind_b: int, b: Row, out: Row) -> None:
         b: Its row, shape (16,); world [m].
         out: Witness row, shape (10,), overwritten.
     """
-    simplex = numba.carray(stack(24), (4, CORNER), np.float64)
+    simplex = array_at(stack(24), (4, CORNER), np.float64)
     still = (0.0, 0.0, 0.0)
     gap, lower, v, proof, met, count, weights, largest = gjk(
         kind_a, a, kind_b, b, still, simplex

@@ -5,6 +5,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import array_at, stack
 from armguard.kernel import kernel
 from armguard.robot.fitting.proof import quartered
 from armguard.robot.fitting.triangle_tree import (
@@ -68,7 +69,7 @@ def bound_pieces(
         boxes: Its boxes, shape (2 · leaves, 6) [m].
         bounds: Overwritten, shape (k, 2) [m].
     """
-    at = np.zeros(3)
+    at = array_at(stack(3), (3,), np.float64)
     for k in range(pieces.shape[0]):
         piece = pieces[k]
         at[:] = np.inf

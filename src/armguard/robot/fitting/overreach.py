@@ -6,6 +6,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import array_at, stack
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import Box, PlacedShape, shape_row
 from armguard.kernel import kernel
@@ -142,8 +143,9 @@ def farthest(
         triangles: Triangles of a `TriangleTree`, shape (n, 3, 3) [m].
         boxes: Its boxes, shape (2 · leaves, 6) [m].
     """
-    point = np.zeros(16)
-    witness = np.zeros(10)
+    point = array_at(stack(16), (16,), np.float64)
+    witness = array_at(stack(10), (10,), np.float64)
+    point[:] = 0.0
     worst = 0.0
     last = boxes.shape[0] // 2
     for s in range(samples.shape[0]):

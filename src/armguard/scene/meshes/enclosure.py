@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import array_at, stack
 from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.pairs import measure
 from armguard.geometry.shapes import Hull, ShapeKind, shape_row
@@ -111,8 +112,9 @@ def grow_to(points: Floats, rows: Floats, out: Floats) -> None:
         rows: Rows of the hulls, shape (k, 16).
         out: Growth of each, overwritten, shape (k,) [m].
     """
-    point = np.zeros(16)
-    witness = np.zeros(10)
+    point = array_at(stack(16), (16,), np.float64)
+    witness = array_at(stack(10), (10,), np.float64)
+    point[:] = 0.0
     out[:] = 0.0
     for i in range(points.shape[0]):
         point[1], point[2], point[3] = points[i, 0], points[i, 1], points[i, 2]

@@ -3,10 +3,11 @@
 from math import inf
 from typing import Any
 
+from armguard.address import array_at, pointer
 from armguard.guard.levels import Level
 from armguard.kernel import kernel
 from armguard.respond.command import ACTIONS, DRIVEN, Action
-from armguard.service.desk.desk import Desk, Longs, open_desk, records
+from armguard.service.desk.desk import Desk, Longs, open_desk
 from armguard.service.wire.layout import (
     COMMAND,
     HEADER,
@@ -44,8 +45,8 @@ def write_answer(desk: Longs) -> None:
     d = open_desk(desk)
     cycle = d.cycle
     n, robots = d.q.shape[0], d.first_joint.shape[0]
-    command = records(d.answer, PAYLOAD_AT, 1, COMMAND_ROW)[0]
-    rows = records(d.answer, ROBOTS_AT, robots, ROBOT_ROW)
+    command = array_at(pointer(d.answer.ctypes.data + PAYLOAD_AT), (1,), COMMAND_ROW)[0]
+    rows = array_at(pointer(d.answer.ctypes.data + ROBOTS_AT), (robots,), ROBOT_ROW)
     lost = FIRST_LOST <= cycle.cause <= LAST_LOST
     reason = int(d.header.reason)
     level, action = STOP_LEVEL, FOLLOW

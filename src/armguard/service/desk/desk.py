@@ -5,13 +5,11 @@ in arrays that kernels read, so that a message becomes an answer in two calls of
 compiled code: `take_state` and `judge`.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.address import pointer
 from armguard.guard.layout import Header, NearRow, RobotRow
 from armguard.kernel import kernel
 from armguard.record import Records, record
@@ -153,12 +151,6 @@ class Desk(NamedTuple):
 
 
 open_desk = opener(Desk)
-
-
-@kernel
-def records(words: Floats, at: int, count: int, dtype: Any) -> Any:
-    """Records of a message that begin at `at` [bytes], in the same memory."""
-    return numba.carray(pointer(words.ctypes.data + at), (count,), dtype)
 
 
 @kernel

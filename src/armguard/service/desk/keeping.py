@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.address import array_at, pointer
 from armguard.kernel import kernel
 from armguard.record import dtype_of
 from armguard.recording.frames import HEADER, Header, Kind
-from armguard.service.desk.desk import Longs, open_desk, records
+from armguard.service.desk.desk import Longs, open_desk
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ def write_frame(
     d = open_desk(desk)
     cycle = d.cycle
     n, robots = d.q.shape[0], d.stamps.shape[0]
-    head = records(row, 0, 1, FRAME)[0]
+    head = array_at(pointer(row.ctypes.data), (1,), FRAME)[0]
     head["kind"], head["cycle"] = OF_CYCLE, cycle.number
     head["monotonic"], head["wall"] = monotonic, wall
     head["form"], head["now"] = cycle.asked_form, cycle.start * 1e-9

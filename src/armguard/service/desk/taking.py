@@ -3,6 +3,7 @@
 from math import isfinite
 from typing import Any
 
+from armguard.address import array_at, pointer
 from armguard.kernel import kernel
 from armguard.respond.state import MOST_TWISTS
 from armguard.service.desk.desk import (
@@ -16,7 +17,6 @@ from armguard.service.desk.desk import (
     Desk,
     Longs,
     open_desk,
-    records,
     signed,
 )
 from armguard.service.wire.layout import (
@@ -58,7 +58,7 @@ def take_state(desk: Longs) -> int:
     size = arrival.length
     if size < POSITIONS_AT + SEAL:
         return PAYLOAD
-    state = records(d.message, PAYLOAD_AT, 1, STATE_ROW)[0]
+    state = array_at(pointer(d.message.ctypes.data + PAYLOAD_AT), (1,), STATE_ROW)[0]
     bits, flags = signed(state["robots"]), signed(state["flags"])
     robots = d.first_joint.shape[0]
     if bits == 0 or bits >> robots != 0:
@@ -136,7 +136,7 @@ def keep_desired_motion(start: int, d: Desk) -> int:
     room = arrival.length - SEAL - start - DESIRED_SIZE
     if room < 0:
         return PAYLOAD
-    head = records(words, start, 1, DESIRED_ROW)[0]
+    head = array_at(pointer(words.ctypes.data + start), (1,), DESIRED_ROW)[0]
     form, count = signed(head["form"]), signed(head["numbers"])
     if room != 8 * count:
         return PAYLOAD
