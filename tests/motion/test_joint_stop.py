@@ -13,14 +13,9 @@ from armguard.motion.joint_stop import (
     whole_way,
 )
 from armguard.record import records
-from joint_stops import planned
+from joint_stops import curve, planned
 
 NO_CURVE = np.zeros(0)
-
-
-@kernel(entry=True)
-def curve(times, stop):
-    return np.array([farthest(t, stop) for t in times])
 
 
 def stop_of(
@@ -42,13 +37,14 @@ def plant(rng, v, low, high, a, effect, ramp, brake, times):
     The operator drives it no farther out of [low, high] than it is.
     """
     free = rng.choice([-a, a, 0.0], 20)
-    return moved(free, v, min(low, v), max(high, v), effect, ramp, brake, times)
+    x = np.zeros(len(times))
+    move(free, v, min(low, v), max(high, v), effect, ramp, brake, times, x)
+    return x
 
 
 @kernel(entry=True)
-def moved(free, v, low, high, effect, ramp, brake, times):
+def move(free, v, low, high, effect, ramp, brake, times, x):
     """The same, with accelerations given for each twentieth of the time till then."""
-    x = np.zeros(len(times))
     for k in range(1, len(times)):
         dt = times[k] - times[k - 1]
         before = v
@@ -60,7 +56,6 @@ def moved(free, v, low, high, effect, ramp, brake, times):
             now = brake * min(since / ramp, 1.0) if ramp > 0.0 else brake
             v = np.sign(v) * max(abs(v) - dt * now, 0.0)
         x[k] = x[k - 1] + 0.5 * dt * (before + v)
-    return x
 
 
 @pytest.mark.parametrize("most", [1.0, 1.5, inf])
@@ -140,14 +135,15 @@ def swings(v, top, stop_at, a, ramp, brake, settle, time, rng):
     end = stop_at + v / brake + ramp + time + 0.05
     times = np.linspace(0.0, end, 4000)
     push = rng.choice([-a, 0.0, a])
-    return times, swung(push, v, top, stop_at, ramp, brake, settle, time, times)
+    found = np.zeros(len(times))
+    swing(push, v, top, stop_at, ramp, brake, settle, time, times, found)
+    return times, found
 
 
 @kernel(entry=True)
-def swung(push, v, top, stop_at, ramp, brake, settle, time, times):
+def swing(push, v, top, stop_at, ramp, brake, settle, time, times, found):
     """The same positions, with the acceleration till the stop given."""
     dt, x, speed, began, rest = times[1], 0.0, v, v, -1.0
-    found = np.zeros_like(times)
     for k in range(1, len(times)):
         before = speed
         if times[k - 1] < stop_at:
@@ -162,7 +158,6 @@ def swung(push, v, top, stop_at, ramp, brake, settle, time, times):
             rest = times[k] if rest < 0.0 else rest
             if times[k] - rest <= time:
                 found[k] = x - settle * began / top
-    return found
 
 
 @pytest.mark.parametrize("most", [1.0, 2.0, inf])
@@ -185,7 +180,7 @@ def test_no_swing_back_leaves_the_curves(most, slow):
                 v, top, rng.uniform(0, reaction), a, rng.uniform(0, ramp), brake,
                 settle, time, rng,
             )  # fmt: skip
-            bound = all_upper(times, stop)
+            bound = np.array([upper(t, stop) for t in times])
             slack = 2.0 * (a + brake) * times[1] ** 2 * len(times) ** 0.5
             assert (-x <= bound + slack).all()
             nearest = min(nearest, (bound + x).min())
@@ -197,11 +192,6 @@ def upper(t, stop):
     """Farthest displacement at a time, settling included."""
     first = farthest(t, stop)
     return first + swing_within(t, t, first, first, stop)[0]
-
-
-@kernel(entry=True)
-def all_upper(times, stop):
-    return np.array([upper(t, stop) for t in times])
 
 
 @kernel(entry=True)

@@ -14,7 +14,7 @@ from armguard.motion.joint_stop import (
     swing_within,
 )
 from armguard.record import records
-from joint_stops import planned
+from joint_stops import curve, planned
 
 NO_CURVE = np.zeros(0)
 
@@ -26,19 +26,18 @@ STEPS, STEP_ERROR = 4000, 2e-6
 
 
 @kernel(entry=True)
-def curve(times, stop):
-    return np.array([farthest(t, stop) for t in times])
-
-
-@kernel(entry=True)
 def swing_left(start, end, stop):
     first, last = farthest(start, stop), farthest(end, stop)
     return swing_within(start, end, first, last, stop)
 
 
 @kernel(entry=True)
+def lost_at(time, ramp, d):
+    return speed_lost(time, ramp, d)
+
+
 def speeds_lost(times, ramp, d):
-    return np.array([speed_lost(t, ramp, d) for t in times])
+    return np.array([lost_at(t, ramp, d) for t in times])
 
 
 def stop_of(

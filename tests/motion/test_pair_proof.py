@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from armguard.kernel import kernel
-from armguard.motion.joint_stop import farthest
 from armguard.motion.pair_proof import prove_by_spans
 from armguard.motion.pair_state import PROVEN
 from armguard.motion.prepare import motion_of
@@ -21,6 +20,7 @@ from armguard.motion.state import (
 from armguard.motion.stop_path import plan_stops
 from armguard.scene.compile import compile_scene
 from armguard.table import Ledger, opener
+from joint_stops import curve
 from planar import chain_scene, pair_of, place
 from sliding import EXACT, RADIUS
 
@@ -52,11 +52,6 @@ def plan(address):
 @kernel(entry=True)
 def prove(known, pair, address):
     return prove_by_spans(known, pair, open_motion(address))
-
-
-@kernel(entry=True)
-def curve(times, stop):
-    return np.array([farthest(t, stop) for t in times])
 
 
 class Stopping:

@@ -9,7 +9,6 @@ from armguard.kernel import kernel
 from armguard.motion.free_way import FIRST_TIME, RATIO, bound_free_way
 from armguard.motion.joint_stop import (
     JointStop,
-    farthest,
     swing_within,
 )
 from armguard.motion.prepare import motion_of
@@ -31,6 +30,7 @@ from armguard.motion.stop_path import (
 from armguard.record import records
 from armguard.scene.compile import compile_scene
 from armguard.table import Ledger, opener
+from joint_stops import curve as curve_of
 from joint_stops import planned
 from planar import chain_scene
 from planar import place as tip_of
@@ -91,11 +91,6 @@ def free(k, address):
 @kernel(entry=True)
 def span(which, j, start, end, address):
     return joint_span(which, j, start, end, open_motion(address))
-
-
-@kernel(entry=True)
-def ways(times, stop):
-    return np.array([farthest(t, stop) for t in times])
 
 
 @kernel(entry=True)
@@ -262,7 +257,7 @@ def test_a_span_is_the_chord_of_both_curves_and_their_bow():
             error = m.joint_figures[j].position_error
             edges = []
             for side, stop in enumerate((m.up[j], m.down[j])):
-                curve = ways(times, stop)
+                curve = curve_of(times, stop)
                 bow = bow_of(one, NEXT, j, side, times[0])
                 most = min(0.125 * bow * (end - start) ** 2, abs(curve[-1] - curve[0]))
                 ends = curve[0], curve[-1]

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from armguard.geometry import ShapeKind
+from armguard.geometry.vec3 import add, sub
 from armguard.guard.workspace import open_workspace
 from armguard.kernel import kernel
 from armguard.motion.state import NEXT
@@ -53,7 +54,8 @@ def own(block, i, lines):
 def ranged(block, i, lines):
     w = open_workspace(lines)
     _, way, more = own_bound(block, i, w.bodies[i], w.motion)
-    return [(way[k] - more[k], way[k] + more[k]) for k in range(3)]
+    low, high = sub(way, more), add(way, more)
+    return (low[0], high[0]), (low[1], high[1]), (low[2], high[2])
 
 
 @kernel(entry=True)

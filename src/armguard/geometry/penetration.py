@@ -234,10 +234,7 @@ def spread_out(
         above, below = dot(sub(high, first), n), -dot(sub(low, first), n)
         if not max(above, below) > tiny:
             return 3, n
-        if above >= below:
-            put_corner(corners, 3, high)
-        else:
-            put_corner(corners, 3, low)
+        put_corner(corners, 3, high if above >= below else low)
     return 4, n
 
 

@@ -178,13 +178,14 @@ def place_chain_body(
         links: The links.
         T: Poses of the chain, shape (b, 12).
     """
+    position = 0.0
+    if links.joint_kind[body] != FIXED:
+        position = links.gain[body, 0] * q[links.slot[body]] + links.gain[body, 1]
     place_body(
         body - first,
-        q,
+        position,
         links.parent[first:],
         links.joint_kind[first:],
-        links.slot[first:],
-        links.gain[first:],
         links.T_parent_joint[first:],
         links.axis[first:],
         T,

@@ -215,12 +215,10 @@ class RegionMaker:
         """
         t, own = self._tables, self._carried[robot]
         poses = np.array([body_poses(t, q) for q in middles])
-        growths = self._half + np.column_stack(
-            [one.moved(poses, halves) for one in own]
-        )
-        low, high = np.array(
-            [one.box(poses, growths[:, k]) for k, one in enumerate(own)]
-        ).transpose(1, 0, 2)
+        moved = [one.moved(poses, halves) for one in own]
+        growths = self._half + np.column_stack(moved)
+        boxes = [one.box(poses, growths[:, k]) for k, one in enumerate(own)]
+        low, high = np.array(boxes).transpose(1, 0, 2)
         # Whole cubes, and one more on each side.
         low, high = low.min(axis=0) / self.edge, high.max(axis=0) / self.edge
         far = max(np.abs(low).max(), np.abs(high).max()) >= MIDDLE - 2 * SIDE
@@ -248,8 +246,7 @@ class RegionMaker:
                 if found == OUTSIDE:
                     # A region without these cells would permit contact.
                     raise CoordinationError(
-                        f"'{robot}' leaves the box of its cells; report this with the "
-                        "plan"
+                        f"'{robot}' leaves the box of its cells; report this plan"
                     )
             size = int(visits.size[0])
             if size <= room:

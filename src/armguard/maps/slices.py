@@ -1,6 +1,6 @@
 """Slices of a robot's configurations: which are free over two of its joints."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +77,26 @@ class Slice:
         return f"{' and '.join(self.joints)}, {self.others}: {self.shares}"
 
 
+def common_robot(joints: Sequence[str], names: Sequence[str]) -> str:
+    """Robot of the first of some joints, to which all of them have to belong.
+
+    Args:
+        joints: The joints, 'robot/joint'.
+        names: All joints of the scene.
+
+    Raises:
+        CoordinationError: A joint is none of this robot, or is named twice.
+    """
+    robot = joints[0].split("/", 1)[0]
+    own = [known for known in names if known.split("/", 1)[0] == robot]
+    for name in joints:
+        if name not in own or joints.count(name) > 1:
+            wrong = "is named twice" if name in own else f"is no joint of '{robot}'"
+            hint = "" if name in own else f"; {did_you_mean(name, own or names)}"
+            raise CoordinationError(f"'{name}' {wrong}{hint}")
+    return robot
+
+
 def configuration_slice(
     scene: Scene, joints: tuple[str, str], anywhere: Collection[str] = ()
 ) -> Slice:
@@ -95,15 +115,8 @@ def configuration_slice(
         SceneError: The scene contradicts itself.
     """
     tables = compile_scene(scene)
-    names = tables.q_names
-    robot = joints[0].split("/", 1)[0]
-    every = [*joints, *anywhere]
-    for name in every:
-        own = [known for known in names if known.split("/", 1)[0] == robot]
-        if name not in own or every.count(name) > 1:
-            wrong = "is named twice" if name in own else f"is no joint of '{robot}'"
-            hint = "" if name in own else f"; {did_you_mean(name, own or names)}"
-            raise CoordinationError(f"'{name}' {wrong}{hint}")
+    names, every = tables.q_names, [*joints, *anywhere]
+    robot = common_robot(every, names)
     number = [part.name for part in tables.robots].index(robot)
     if len(anywhere) > PARAMETERS - 2:
         raise CoordinationError(

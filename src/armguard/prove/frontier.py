@@ -184,7 +184,7 @@ class Frontier:
         self._leaves.rows.fill(np.nan)
         ledgers = (ledger.lines for ledger in self._of_tiles)
         given = np.ascontiguousarray(tiles), first, np.ascontiguousarray(pairs)
-        return int(decide_tiles(*given, 0, *ledgers))
+        return int(decide_tiles(*given, *ledgers))
 
 
 def pairs_that_move(links: SceneLinks, bodies: NDArray[np.integer]) -> Longs:

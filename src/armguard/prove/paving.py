@@ -283,7 +283,8 @@ class Paver:
         room, at, total = max(2 * len(tiles), 1024), 0, 0
         rows = [np.empty((0, PLACE + tiles.shape[1]))]
         undecided = [np.empty((0, 2), dtype=np.int64)]
-        given = np.ascontiguousarray(tiles), first, np.ascontiguousarray(open_pairs)
+        tiles = np.ascontiguousarray(tiles)
+        open_pairs = np.ascontiguousarray(open_pairs)
         while at < len(tiles):
             leaves = Leaves(
                 total=np.zeros(2, dtype=np.int64),
@@ -291,7 +292,8 @@ class Paver:
                 open=np.empty((room, 2), dtype=np.int64),
             )
             ledgers = self._world, links, tube, waiting, Ledger(leaves)
-            at = decide_tiles(*given, at, *(ledger.lines for ledger in ledgers))
+            lines = (ledger.lines for ledger in ledgers)
+            at += decide_tiles(tiles[at:], first[at:], open_pairs, *lines)
             leaf_count, open_count = leaves.total
             rows.append(leaves.rows[:leaf_count])
             undecided.append(leaves.open[:open_count] + np.array([total, 0]))

@@ -227,7 +227,6 @@ def decide_tiles(
     tiles: Floats,
     first: Longs,
     pairs: Longs,
-    start: int,
     plan: Longs,
     links: Longs,
     tube: Longs,
@@ -240,7 +239,6 @@ def decide_tiles(
         tiles: SPAN numbers for each parameter, see `take_tile`, shape (k, SPAN · d).
         first: First of each tile's pairs in `pairs`, and the end, shape (k + 1,).
         pairs: Pairs that may be too near in each tile.
-        start: Tile to begin with.
         plan: Ledger of the plan.
         links: Ledger of the links.
         tube: Ledger of the tube.
@@ -252,7 +250,7 @@ def decide_tiles(
     """
     p, t, u = open_plan(plan), open_links(links), open_tube(tube)
     w, found = open_waiting(waiting), open_leaves(leaves)
-    for k in range(start, tiles.shape[0]):
+    for k in range(tiles.shape[0]):
         before, undecided = found.total[0], found.total[1]
         count = first[k + 1] - first[k]
         w.size[0], w.tiles[0] = 1, tiles[k]
@@ -305,8 +303,7 @@ def least_in_tiles(
     p, t, u = open_plan(plan), open_links(links), open_tube(tube)
     waiting = array_at(stack(PLACES), (WAITING, 3), np.float64)
     tile = array_at(stack(SPAN), (SPAN,), np.float64)
-    for k in range(best.shape[0]):
-        best[k, 0] = best[k, 1] = inf
+    best[:, :2] = inf
     for k in range(tiles.shape[0]):
         row, own = tiles[k], best[int(tiles[k, LABEL])]
         if row[UPPER] < own[0]:
@@ -337,7 +334,6 @@ def least_in_tiles(
                 own[1] = min(own[1], lower)
                 continue
             middle = 0.5 * (low + high)
-            waiting[left, 0], waiting[left, 1], waiting[left, 2] = middle, high, lower
-            left += 1
-            waiting[left, 0], waiting[left, 1], waiting[left, 2] = low, middle, lower
-            left += 1
+            for begin, end in ((middle, high), (low, middle)):
+                waiting[left, 0], waiting[left, 1], waiting[left, 2] = begin, end, lower
+                left += 1

@@ -194,24 +194,33 @@ def forward_kinematics(
         T_world: Poses, rows of [R | p], overwritten, shape (b, 12).
     """
     for body in range(parent.shape[0]):
-        place_body(
-            body, q, parent, joint_kind, q_index, gain, T_parent_joint, axis, T_world
-        )
+        position = 0.0
+        if joint_kind[body] != FIXED:
+            position = gain[body, 0] * q[q_index[body]] + gain[body, 1]
+        place_body(body, position, parent, joint_kind, T_parent_joint, axis, T_world)
 
 
 @kernel
 def place_body(
     body: int,
-    q: Floats,
+    position: float,
     parent: Ints,
     joint_kind: Ints,
-    q_index: Ints,
-    gain: Floats,
     T_parent_joint: Floats,
     axis: Floats,
     T_world: Floats,
 ) -> None:
-    """Write the pose of one body, whose parent has its pose; see above."""
+    """Write the pose of one body, whose parent has its pose.
+
+    Args:
+        body: The body.
+        position: Position of its joint [rad or m].
+        parent: See `forward_kinematics`, from here on.
+        joint_kind: Joint kinds.
+        T_parent_joint: Joint frames.
+        axis: Joint axes.
+        T_world: Poses; that of the body is overwritten.
+    """
     frame, out = T_parent_joint[body], T_world[body]
     up = parent[body]
     if up < 0:
@@ -222,7 +231,6 @@ def place_body(
     kind = joint_kind[body]
     if kind == FIXED:
         return
-    position = gain[body, 0] * q[q_index[body]] + gain[body, 1]
     x, y, z = axis[body, 0], axis[body, 1], axis[body, 2]
     if kind == PRISMATIC:
         for r in range(3):
