@@ -1,6 +1,7 @@
 """`armguard verify`: prove whole plans before anything moves."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,11 +23,11 @@ from armguard.cli.console import (
 )
 from armguard.errors import TrajectoryError
 from armguard.plans.certificate import Certificate
+from armguard.plans.pieces import Span, spans, write_pieces
 from armguard.plans.plan import Plan
 from armguard.plans.proof import PlanProof
 from armguard.plans.recheck import recheck
 from armguard.plans.splines import DEGREES, Interpolation
-from armguard.plans.sweep import write_pieces
 from armguard.plans.verify import PlanVerifier
 from armguard.recording.motions import load_motion
 from armguard.scene import Scene, load_scene
@@ -62,6 +63,13 @@ class Options:
         Option(
             help="GLB, STL or PLY file to write: all that the links pass through, with "
             "the declared errors."
+        ),
+    ] = None
+    sweep_relative_to: Annotated[
+        str | None,
+        Option(
+            help="ROBOT/LINK: sweep the links that are checked against it in its "
+            "frame, and list when it may meet what they sweep there."
         ),
     ] = None
     sweep_tolerance: Annotated[
@@ -148,24 +156,56 @@ def verify(options: Options) -> None:
                 "and the skew"
             )
         verifier.certificate(plans[0]).write(options.certificate)
-    if options.sweep is not None:
-        if len(plans) > 1:
-            raise TrajectoryError("a sweep is of one plan; give one")
-        pieces = verifier.sweep(
-            plans[0],
-            following_error=errors,
-            skew=skew,
-            tolerance=options.sweep_tolerance,
-        )
-        write_pieces(pieces, options.sweep)
+    met = sweep_of(plans, verifier, options)
     if options.json:
-        print_json(answer_of(options.scene.name, proofs))
+        answer = answer_of(options.scene.name, proofs)
+        if met is not None:
+            answer["met"] = [asdict(one) for one in met]
+        print_json(answer)
     else:
         for proof in proofs:
             for note in proof.notes:
                 say(f"note: {note}")
             out.print(proof.sentence, markup=False)
+        if met is not None:
+            for line in met_lines(met, options.sweep_relative_to, plans[0].timed):
+                out.print(line, markup=False)
     raise typer.Exit(CLEAR if all(proof.clear for proof in proofs) else TOO_CLOSE)
+
+
+def sweep_of(
+    plans: list[Plan], verifier: PlanVerifier, options: Options
+) -> list[Span] | None:
+    """Write the sweep; when a link may meet what others sweep in its frame.
+
+    Raises:
+        TrajectoryError: There are several plans, or the file is of another kind.
+    """
+    link = options.sweep_relative_to
+    if options.sweep is None and link is None:
+        return None
+    if len(plans) > 1:
+        raise TrajectoryError("a sweep is of one plan; give one")
+    pieces = verifier.sweep(
+        plans[0],
+        following_error=named_numbers("--following-error", options.following_error),
+        skew=named_numbers("--skew", options.skew),
+        tolerance=options.sweep_tolerance,
+        relative_to=link,
+    )
+    if options.sweep is not None:
+        write_pieces(pieces, options.sweep)
+    return None if link is None else spans(verifier.meeting(pieces, link))
+
+
+def met_lines(met: list[Span], link: str | None, timed: bool) -> Iterator[str]:
+    """When a link may touch those that are checked against it, one line for each."""
+    unit = " s" if timed else ""
+    if not met:
+        yield f"  {link} never touches a moving link that is checked against it"
+    for one in met:
+        times = f"{one.start:.4f}{unit} to {one.end:.4f}{unit}"
+        yield f"  {link} meets what {one.link} sweeps in its frame: {times}"
 
 
 def recheck_all(paths: list[Path], scene: Scene) -> None:
