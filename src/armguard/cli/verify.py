@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,9 +22,9 @@ from armguard.cli.console import (
     say,
     with_options,
 )
-from armguard.errors import TrajectoryError
+from armguard.errors import StationError, TrajectoryError
 from armguard.plans.certificate import Certificate
-from armguard.plans.pieces import Span, spans, write_pieces
+from armguard.plans.pieces import Piece, spans, write_pieces
 from armguard.plans.plan import Plan
 from armguard.plans.proof import PlanProof
 from armguard.plans.recheck import recheck
@@ -72,6 +73,16 @@ class Options:
             "frame, and list when it may meet what they sweep there."
         ),
     ] = None
+    view: Annotated[
+        bool,
+        Option(
+            help="Show the plan in the browser: the scene, the sweep of each robot, "
+            "and a time line that moves the robots."
+        ),
+    ] = False
+    page_port: Annotated[int, Option(help="Port of that page; 0 for a free one.")] = (
+        8080
+    )
     sweep_tolerance: Annotated[
         float, Option(help="How far the sweep may reach beyond that, about [m].")
     ] = 0.005
@@ -156,11 +167,11 @@ def verify(options: Options) -> None:
                 "and the skew"
             )
         verifier.certificate(plans[0]).write(options.certificate)
-    met = sweep_of(plans, verifier, options)
+    pieces, met = sweep_of(plans, verifier, options)
     if options.json:
         answer = answer_of(options.scene.name, proofs)
         if met is not None:
-            answer["met"] = [asdict(one) for one in met]
+            answer["met"] = [asdict(one) for one in spans(met)]
         print_json(answer)
     else:
         for proof in proofs:
@@ -170,22 +181,36 @@ def verify(options: Options) -> None:
         if met is not None:
             for line in met_lines(met, options.sweep_relative_to, plans[0].timed):
                 out.print(line, markup=False)
+    if options.view:
+        from armguard.view.__main__ import show
+        from armguard.view.planned_view import PlannedView
+
+        view = PlannedView(
+            *(scene, plans[0], proofs[0], pieces),
+            relative_to=options.sweep_relative_to,
+            met=met or (),
+            page_port=options.page_port,
+        )
+        show(view)
     raise typer.Exit(CLEAR if all(proof.clear for proof in proofs) else TOO_CLOSE)
 
 
 def sweep_of(
     plans: list[Plan], verifier: PlanVerifier, options: Options
-) -> list[Span] | None:
-    """Write the sweep; when a link may meet what others sweep in its frame.
+) -> tuple[list[Piece], list[Piece] | None]:
+    """Write the sweep; its pieces, and those that the link meets which it is about.
 
     Raises:
         TrajectoryError: There are several plans, or the file is of another kind.
+        StationError: Viser is not installed.
     """
     link = options.sweep_relative_to
-    if options.sweep is None and link is None:
-        return None
+    if options.sweep is None and link is None and not options.view:
+        return [], None
     if len(plans) > 1:
         raise TrajectoryError("a sweep is of one plan; give one")
+    if options.view and find_spec("viser") is None:
+        raise StationError("the view needs viser: pip install 'armguard[view]'")
     pieces = verifier.sweep(
         plans[0],
         following_error=named_numbers("--following-error", options.following_error),
@@ -195,15 +220,15 @@ def sweep_of(
     )
     if options.sweep is not None:
         write_pieces(pieces, options.sweep)
-    return None if link is None else spans(verifier.meeting(pieces, link))
+    return pieces, None if link is None else verifier.meeting(pieces, link)
 
 
-def met_lines(met: list[Span], link: str | None, timed: bool) -> Iterator[str]:
+def met_lines(met: list[Piece], link: str | None, timed: bool) -> Iterator[str]:
     """When a link may touch those that are checked against it, one line for each."""
     unit = " s" if timed else ""
     if not met:
         yield f"  {link} never touches a moving link that is checked against it"
-    for one in met:
+    for one in spans(met):
         times = f"{one.start:.4f}{unit} to {one.end:.4f}{unit}"
         yield f"  {link} meets what {one.link} sweeps in its frame: {times}"
 

@@ -2,15 +2,13 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from armguard.fleet.audit import Auditor, rising, speeds_at
-from armguard.fleet.episodes import Frames, frames_of
+from armguard.fleet.episodes import frames_of
 from armguard.fleet.job import FleetError
 from armguard.fleet.manifest import Manifest
-from armguard.recording.frames import Frame, frame_of
-from armguard.recording.recorded import RecordedGuard
-from armguard.recording.ring import RingReader, RingWriter, in_memory
+from armguard.recording.frames import Frame
+from armguard.recording.recorded import judged
 from armguard.scene import Scene
 
 # Frames a second of an input without times [Hz].
@@ -37,26 +35,7 @@ def item_frames(out: Path, item: int) -> tuple[Scene, Iterator[Frame]]:
     [frames] = frames_of([one], manifest.job, manifest.folder, scene)
     if isinstance(frames, tuple):
         raise FleetError(frames[1])
-    return scene, judged(Auditor(scene, budget, manifest.job), frames)
-
-
-def judged(auditor: Auditor, frames: Frames) -> Iterator[Frame]:
-    """Frames of one input as a guard judges them."""
+    auditor = Auditor(scene, budget, manifest.job)
     times = rising(frames.times) / (1.0 if frames.timed else RATE)
-    guard = auditor.guard_for(times)
     speeds = None if auditor.fixed else speeds_at(frames.q, times)
-    with TemporaryDirectory(dir=in_memory()) as folder:
-        path = Path(folder) / "ring"
-        now = 0.0
-        tape = RecordedGuard(
-            guard, RingWriter(path), monotonic=lambda: now, wall=lambda: now
-        )
-        reader = RingReader(path)
-        for k, (q, now) in enumerate(zip(frames.q, times.tolist(), strict=True)):
-            guard.forget_stops()
-            if speeds is None:
-                tape.step(q, now)
-            else:
-                tape.step(q, now, velocity=speeds[k])
-            for row in reader.unread():
-                yield frame_of(row.copy())
+    return scene, judged(auditor.guard_for(times), frames.q, times, speeds)
