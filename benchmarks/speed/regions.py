@@ -45,7 +45,8 @@ def of_scene(
 ) -> dict[str, Any]:
     """Figures of one scene."""
     trees = ag.RegionTrees(t, centre, CELL, SIZE)
-    black = sum(int(one.occupied().sum()) for one in trees.trees)
+    words = [one.claims.occupied.words for one in trees.trees]
+    black = sum(int(np.bitwise_count(each).sum()) for each in words)
     checker, rng = ag.Checker(with_static_objects(t)), np.random.default_rng(7)
     rows = {"random": rng.uniform(t.lower, t.upper, (count, len(t.q_names)))}
     rows["plan"] = plan_of(checker, t, rng, count)
