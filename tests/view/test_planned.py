@@ -8,11 +8,11 @@ from typer.testing import CliRunner
 
 import armguard as ag
 from armguard.cli.app import app
-from armguard.plans.pieces import Piece
+from armguard.plans.pieces import Piece, spans
 from armguard.recording.palette import ROBOT_TINTS, STATE_COLOURS, State
 from armguard.view import __main__ as showing
 from armguard.view.drawables import slug
-from armguard.view.planned_view import PlannedView, SweptVolumes, outside_of
+from armguard.view.planned_view import PlannedView, SweptVolumes, outside_of, too_near
 from crossing import cell_of
 
 # First joints of both arms, which meet in the middle of the plan [rad].
@@ -44,13 +44,14 @@ def block(low, high):
 def test_triangles_within_another_piece_are_left_out_and_no_others():
     long, inner = block((0, 0, 0), (4, 1, 1)), block((1, 0.2, 0.2), (2, 0.8, 0.8))
     across, twin = block((3, 0.2, -1), (3.5, 0.8, 2)), block((0, 0, 0), (4, 1, 1))
-    drawn = outside_of([long, inner, across, twin])
+    beside = block((3.6, 0.5, 0.5), (5, 1.5, 1.5))
+    drawn = outside_of([long, inner, across, twin, beside])
     corners = {tuple(corner) for corner in np.round(drawn.triangles.reshape(-1, 3), 9)}
-    # The inner one and the twin are hidden; the one across only leads through.
-    assert len(drawn.faces) == 12 + 12
+    # The inner one and the twin are hidden; of two others corners or parts are.
+    assert len(drawn.faces) == 12 + 12 + 12
     assert corners == {
         tuple(corner)
-        for piece in (long, across)
+        for piece in (long, across, beside)
         for corner in np.round(piece.corners, 9)
     }
 
@@ -85,6 +86,21 @@ def test_swept_volumes_have_their_robots_colour_and_clashing_ones_that_of_a_stop
         assert view.when(frame) == "plan at 1.00 s"
     finally:
         view.close()
+
+
+def test_pieces_clash_while_their_link_may_be_too_near(clash):
+    plan, verifier, proof = clash
+    pieces = verifier.sweep(plan, tolerance=0.05)
+    found = too_near(pieces, proof)
+    times = spans(found)
+    for one in proof.intervals:
+        for link in (one.nearest.a, one.nearest.b):
+            own = [each for each in times if each.link == link]
+            assert any(e.start <= one.start and one.end <= e.end for e in own)
+    first = min(one.start for one in proof.intervals)
+    last = max(one.end for one in proof.intervals)
+    assert all(piece.start <= last and piece.end >= first for piece in found)
+    assert 0 < len(found) < len(pieces)
 
 
 def test_a_relative_sweep_moves_with_its_link(clash, tmp_path, monkeypatch):
