@@ -182,16 +182,7 @@ def verify(options: Options) -> None:
             for line in met_lines(met, options.sweep_relative_to, plans[0].timed):
                 out.print(line, markup=False)
     if options.view:
-        from armguard.view.__main__ import show
-        from armguard.view.planned_view import PlannedView
-
-        view = PlannedView(
-            *(scene, plans[0], proofs[0], pieces),
-            relative_to=options.sweep_relative_to,
-            met=met or (),
-            page_port=options.page_port,
-        )
-        show(view)
+        show_plan(scene, plans[0], proofs[0], (pieces, met or []), options)
     raise typer.Exit(CLEAR if all(proof.clear for proof in proofs) else TOO_CLOSE)
 
 
@@ -221,6 +212,35 @@ def sweep_of(
     if options.sweep is not None:
         write_pieces(pieces, options.sweep)
     return pieces, None if link is None else verifier.meeting(pieces, link)
+
+
+def show_plan(
+    scene: Scene,
+    plan: Plan,
+    proof: PlanProof,
+    swept: tuple[list[Piece], list[Piece]],
+    options: Options,
+) -> None:
+    """Show a plan with its sweep in the browser, until the process is ended.
+
+    Args:
+        scene: The scene.
+        plan: The plan.
+        proof: What is proven of it.
+        swept: The pieces of its sweep, and those that the link meets.
+        options: The command line.
+    """
+    from armguard.view.__main__ import show
+    from armguard.view.planned_view import PlannedView
+
+    pieces, met = swept
+    view = PlannedView(
+        *(scene, plan, proof, pieces),
+        relative_to=options.sweep_relative_to,
+        met=met,
+        page_port=options.page_port,
+    )
+    show(view)
 
 
 def met_lines(met: list[Piece], link: str | None, timed: bool) -> Iterator[str]:
