@@ -4,14 +4,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from armguard.fleet.audit import Auditor, rising, speeds_at
+from armguard.fleet.audit import Auditor, speeds_at
 from armguard.fleet.episodes import Frames, frames_of
+from armguard.fleet.inputs import Input
 from armguard.fleet.job import FleetError
+from armguard.fleet.loops import Loops
 from armguard.fleet.manifest import Manifest
 from armguard.recording.frames import Frame, frame_of
 from armguard.recording.recorded import RecordedGuard
 from armguard.recording.ring import RingReader, RingWriter, in_memory
+from armguard.respond import Guard
 from armguard.scene import Scene
+from armguard.simulation.judge import rising
 
 # Frames a second of an input without times [Hz].
 RATE = 30.0
@@ -33,11 +37,50 @@ def item_frames(out: Path, item: int) -> tuple[Scene, Iterator[Frame]]:
     if not 0 <= item < manifest.items:
         raise FleetError(f"{out} has results 0 to {manifest.items - 1}, not {item}")
     group, one = manifest.item(item)
+    if manifest.work == "run":
+        loops = Loops(manifest, group)
+        return loops.scene, looped(loops, one)
     scene, budget = manifest.scene(group)
     [frames] = frames_of([one], manifest.job, manifest.folder, scene)
     if isinstance(frames, tuple):
         raise FleetError(frames[1])
     return scene, judged(Auditor(scene, budget, manifest.job), frames)
+
+
+class Tape:
+    """A guard in a ring, and what it wrote there.
+
+    Attributes:
+        guard: The guard; it writes down its cycles.
+        now: Time of the present cycle [s].
+
+    Args:
+        guard: The guard.
+        folder: Where the ring is.
+    """
+
+    def __init__(self, guard: Guard, folder: str) -> None:
+        path, self.now = Path(folder) / "ring", 0.0
+        ring = RingWriter(path)
+        self.guard = RecordedGuard(
+            guard, ring, monotonic=lambda: self.now, wall=lambda: self.now
+        )
+        self._reader = RingReader(path)
+
+    def unread(self) -> Iterator[Frame]:
+        """Frames since the last call."""
+        for row in self._reader.unread():
+            yield frame_of(row.copy())
+
+
+def looped(loops: Loops, one: Input) -> Iterator[Frame]:
+    """Frames of a closed loop."""
+    with TemporaryDirectory(dir=in_memory()) as folder:
+        tape = Tape(loops.guard, folder)
+        loop, longest = loops.loop(one, tape.guard.filter)
+        for _ in loop.run(longest):
+            tape.now = loop.times[-1]
+            yield from tape.unread()
 
 
 def judged(auditor: Auditor, frames: Frames) -> Iterator[Frame]:
@@ -46,17 +89,12 @@ def judged(auditor: Auditor, frames: Frames) -> Iterator[Frame]:
     guard = auditor.guard_for(times)
     speeds = None if auditor.fixed else speeds_at(frames.q, times)
     with TemporaryDirectory(dir=in_memory()) as folder:
-        path = Path(folder) / "ring"
-        now = 0.0
-        tape = RecordedGuard(
-            guard, RingWriter(path), monotonic=lambda: now, wall=lambda: now
-        )
-        reader = RingReader(path)
+        tape = Tape(guard, folder)
         for k, (q, now) in enumerate(zip(frames.q, times.tolist(), strict=True)):
             guard.forget_stops()
+            tape.now = now
             if speeds is None:
-                tape.step(q, now)
+                tape.guard.step(q, now)
             else:
-                tape.step(q, now, velocity=speeds[k])
-            for row in reader.unread():
-                yield frame_of(row.copy())
+                tape.guard.step(q, now, velocity=speeds[k])
+            yield from tape.unread()

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from armguard.errors import TrajectoryError
 from armguard.geometry.convex_hull import convex_hull, mesh_library
 from armguard.geometry.shapes import ShapeKind
-from armguard.plans.recheck import bodies_above
+from armguard.plans.coal_world import bodies_above
 from armguard.prove.tube import Tube
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene.poses import body_poses

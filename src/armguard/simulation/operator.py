@@ -2,11 +2,15 @@
 
 from collections import deque
 from collections.abc import Mapping
+from copy import copy
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.prove.tube import Tube
 from armguard.respond.command import Blocked
+from armguard.scene.tables import SceneTables
 from armguard.simulation.tele import TeleDriver
 
 Floats = NDArray[np.float64]
@@ -24,8 +28,24 @@ LET_BE = 1.0
 # Time between two configurations that are kept [s].
 GLANCE = 0.2
 
+# A motion is followed in proportion to what a joint is off its place [1/s]; from this
+# on its clock waits [rad or m].
+KEEPS, OFF = 5.0, 0.1
+
 # Time on one leg without getting away from a near body, before the next leg [s].
 TRY = 1.5
+
+
+class Hands(Protocol):
+    """Source of desired motion, see `Operator.drive`."""
+
+    engages: bool
+    """Whether robots are engaged that the service stopped."""
+
+    def drive(
+        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
+    ) -> tuple[Floats, list[str]]:
+        """Desired velocities, and robots that are engaged."""
 
 
 class Operator:
@@ -137,3 +157,70 @@ class Hand:
         """Keep where the arm was."""
         if not self._past or t - self._past[-1][0] >= GLANCE:
             self._past.append((t, q[self._own].copy()))
+
+
+class MotionOperator:
+    """Follows a motion; its clock waits while an arm is off its place.
+
+    A stopped arm is released, and engaged after a while.
+
+    Attributes:
+        engages: Whether stopped arms are engaged.
+        at: How far the motion is [s].
+
+    Args:
+        tube: The motion.
+        tables: The scene.
+    """
+
+    def __init__(self, tube: Tube, tables: SceneTables) -> None:
+        self.engages = True
+        self.at = float(tube.times[0])
+        self._tube, self._end = tube, float(tube.times[-1])
+        self._now = np.nan
+        self._own = {
+            part.name: slice(part.first_joint, part.first_joint + part.joint_count)
+            for part in tables.robots
+        }
+        self._stopped: dict[str, float] = {}
+
+    def __deepcopy__(self, _: dict[int, object]) -> Self:
+        """An operator of the same motion that goes on from here by itself."""
+        other = copy(self)
+        other._stopped = dict(self._stopped)
+        return other
+
+    @property
+    def done(self) -> float:
+        """Share of the motion that is done [-]."""
+        start = float(self._tube.times[0])
+        return (self.at - start) / (self._end - start)
+
+    def drive(
+        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
+    ) -> tuple[Floats, list[str]]:
+        """See `Operator.drive`."""
+        passed = 0.0 if np.isnan(self._now) else t - self._now
+        self._now = t
+        off = np.abs(self._place() - q).max(initial=0.0)
+        goes_on = off <= OFF and self.at < self._end
+        if goes_on:
+            self.at = min(self.at + passed, self._end)
+        desired = KEEPS * (self._place() - q)
+        if goes_on:
+            desired += self._tube.velocities(np.array([self.at]))[0]
+        engages = []
+        for name, own in self._own.items():
+            if blocked.get(name) is not Blocked.STOPPED:
+                self._stopped.pop(name, None)
+                continue
+            desired[own] = 0.0
+            if t - self._stopped.setdefault(name, t) >= WAIT:
+                self._stopped[name] = t
+                engages.append(name)
+        return desired, engages
+
+    def _place(self) -> Floats:
+        """Where the motion is, shape (n,) [rad or m]."""
+        found: Floats = self._tube.at(np.array([self.at]))[0]
+        return found
