@@ -28,9 +28,9 @@ LET_BE = 1.0
 # Time between two configurations that are kept [s].
 GLANCE = 0.2
 
-# A motion is followed in proportion to what a joint is off its place [1/s]; from this
-# on its clock waits [rad or m].
-KEEPS, OFF = 5.0, 0.1
+# A motion is followed in proportion to what a joint is off its place [1/s]; its clock
+# is slowed from the one distance on, and waits from the other on [rad or m].
+KEEPS, OFF, LOST = 5.0, 0.1, 0.3
 
 # Time on one leg without getting away from a near body, before the next leg [s].
 TRY = 1.5
@@ -160,9 +160,9 @@ class Hand:
 
 
 class MotionOperator:
-    """Follows a motion; its clock waits while an arm is off its place.
+    """Follows a motion; its clock is slowed while an arm is off its place.
 
-    A stopped arm is released, and engaged after a while.
+    After a stop nothing is desired of the arm for a while; then it is engaged.
 
     Attributes:
         engages: Whether stopped arms are engaged.
@@ -202,22 +202,23 @@ class MotionOperator:
         """See `Operator.drive`."""
         passed = 0.0 if np.isnan(self._now) else t - self._now
         self._now = t
-        off = np.abs(self._place() - q).max(initial=0.0)
-        goes_on = off <= OFF and self.at < self._end
-        if goes_on:
-            self.at = min(self.at + passed, self._end)
-        desired = KEEPS * (self._place() - q)
-        if goes_on:
-            desired += self._tube.velocities(np.array([self.at]))[0]
+        for name in self._own:
+            if blocked.get(name) is Blocked.STOPPED:
+                self._stopped.setdefault(name, t)
+        off = float(np.abs(self._place() - q).max(initial=0.0))
+        rate = min(max((LOST - off) / (LOST - OFF), 0.0), 1.0)
+        if self._stopped or self.at >= self._end:
+            rate = 0.0
+        self.at = min(self.at + rate * passed, self._end)
+        along = self._tube.velocities(np.array([self.at]))[0]
+        desired: Floats = rate * along + KEEPS * (self._place() - q)
         engages = []
-        for name, own in self._own.items():
-            if blocked.get(name) is not Blocked.STOPPED:
-                self._stopped.pop(name, None)
-                continue
-            desired[own] = 0.0
-            if t - self._stopped.setdefault(name, t) >= WAIT:
-                self._stopped[name] = t
-                engages.append(name)
+        for name, since in [*self._stopped.items()]:
+            desired[self._own[name]] = 0.0
+            if t - since >= WAIT:
+                del self._stopped[name]
+                if blocked.get(name) is Blocked.STOPPED:
+                    engages.append(name)
         return desired, engages
 
     def _place(self) -> Floats:
