@@ -30,7 +30,7 @@ GIGABYTE = 1 << 30
 
 # Longest time of an episode with a random motion [s], and of another motion, in times
 # of its own.
-RANDOM_DURATION, TIMES_AS_LONG = 3.0, 3.0
+RANDOM_DURATION, TIMES_AS_LONG = 5.0, 3.0
 
 
 class FleetError(ArmguardError, ValueError):

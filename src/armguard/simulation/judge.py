@@ -6,7 +6,7 @@ Coal shares no code with the guard. Without it the checker and the proof of plan
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
-from math import inf, isfinite
+from math import inf
 from typing import Literal, Protocol
 
 import numpy as np
@@ -29,8 +29,9 @@ SIGHT = 0.05
 # A distance counts as too small from this much below its buffer on [m].
 ACCURACY = 1e-5
 
-# Parts in which the line between two states is judged where it is not surely free.
-PARTS = 8
+# Between two states a pair may be nearer than its buffer by the one unseen, and nearer
+# than the least distance by the other [m].
+FINE, ROUGH = 1e-4, 1e-3
 
 # Pairs whose balls are nearer than this beyond the need are measured, so that they are
 # known for longer [m]; so few pairs are measured without a look at their balls.
@@ -95,7 +96,7 @@ class CheckerJudge:
         found = self._checker.distances(q)
         k, links = int(np.argmin(found.distance)), self._paver.links
         least = None
-        if isfinite(distance := float(found.distance[k])):
+        if not (distance := float(found.distance[k])) >= SIGHT:
             a, b = links.of_primitive[[int(found.a[k]), int(found.b[k])]]
             names = links.names[a], links.names[b]
             least = NearestPlace(*names, distance, distance, float(times[k]))
@@ -141,7 +142,8 @@ class CoalJudge:
     """Coal on the kinematics of Pinocchio.
 
     No distance is skipped that could be below its buffer, or be the least one that is
-    near: a pair is measured again as soon as its sides may have moved by the rest.
+    near: a pair is measured again as soon as its sides may have moved by the rest, and
+    lines between two states are halved, see `FINE`.
 
     Args:
         tables: The scene.
@@ -181,22 +183,41 @@ class CoalJudge:
                 continue
             found = self._measure(q[k], near, float(times[k]), k, notes)
             if k:
-                # A step is free if both of its ends are far enough from anything.
-                way = (spent[k] - spent[k - 1])[near]
                 before = (known - spent[k - 1])[near]
-                left = near[~(0.5 * (before + found - way) >= needed[near])]
-                self._measure_between(times, q, k, left, notes)
+                step = Step(times[k - 1 : k + 1], q[k - 1 : k + 1], k)
+                self._halve(step, near, before, found, notes)
             known[near] = found + spent[k][near]
         return notes.judged()
 
-    def _measure_between(
-        self, times: Floats, q: Floats, k: int, pairs: NDArray[np.intp], notes: "Notes"
+    def _halve(
+        self,
+        step: "Step",
+        pairs: NDArray[np.intp],
+        before: Floats,
+        after: Floats,
+        notes: "Notes",
     ) -> None:
-        """Measure pairs on the line that ends at the k-th state."""
-        for share in np.arange(1, PARTS) / PARTS if len(pairs) else ():
-            time = times[k - 1] + share * (times[k] - times[k - 1])
-            here = q[k - 1] + share * (q[k] - q[k - 1])
-            self._measure(here, pairs, float(time), k, notes)
+        """Halve a step until pairs are surely far enough apart all along it.
+
+        Args:
+            step: The step.
+            pairs: The pairs.
+            before: Their distances at its start, or less [m].
+            after: The same at its end [m].
+            notes: Takes in what is measured.
+        """
+        way = self._levers[pairs] @ np.abs(step.q[1] - step.q[0])
+        bound, buffers = 0.5 * (before + after - way), self._buffers[pairs]
+        # Where both ends are too near, only a lesser distance is of interest.
+        free = (bound >= buffers - FINE) | ((before < buffers) & (after < buffers))
+        near = ~(free & (bound >= notes.least - ROUGH)) & (way > FINE)
+        if not near.any():
+            return
+        first, second = step.halves()
+        pairs, before, after = pairs[near], before[near], after[near]
+        found = self._measure(second.q[0], pairs, float(second.times[0]), step.k, notes)
+        self._halve(first, pairs, before, found, notes)
+        self._halve(second, pairs, found, after, notes)
 
     def _measure(
         self, q: Floats, pairs: NDArray[np.intp], time: float, step: int, notes: "Notes"
@@ -229,6 +250,29 @@ class CoalJudge:
         # A link is inside its primitives, and inside its exact shapes.
         sides = self._exact[i] or (i,), self._exact[j] or (j,)
         return max(distance, min(self._world.distance(*one) for one in product(*sides)))
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A straight line between two states, or a part of one.
+
+    Attributes:
+        times: Times of its ends, shape (2,) [s].
+        q: Joint positions there, shape (2, n) [rad or m].
+        k: Number of the state that the whole line ends at.
+    """
+
+    times: Floats
+    q: Floats
+    k: int
+
+    def halves(self) -> tuple["Step", "Step"]:
+        """Both halves of it."""
+        time, q = self.times.mean(), self.q.mean(axis=0)
+        return (
+            Step(np.array([self.times[0], time]), np.stack((self.q[0], q)), self.k),
+            Step(np.array([time, self.times[1]]), np.stack((q, self.q[1])), self.k),
+        )
 
 
 class Notes:
