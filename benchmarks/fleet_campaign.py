@@ -63,6 +63,7 @@ def main() -> int:
     parser.add_argument("--episodes", type=int, default=100_000)
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--loops", type=int, help="episodes of closed loops alone")
+    parser.add_argument("--minutes", type=float, default=60.0, help="of them at most")
     chosen = parser.parse_args()
     with TemporaryDirectory() as temporary:
         folder = (chosen.folder or Path(temporary)).resolve()
@@ -72,7 +73,9 @@ def main() -> int:
         if chosen.loops is None:
             found = known | measured(folder, chosen.episodes)
         else:
-            found = known | {"loops": looped(folder, chosen.loops)}
+            found = known | {
+                "loops": looped(folder, chosen.loops, 60.0 * chosen.minutes)
+            }
     FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     page = DOCS / "fleet.md"
     text = page.read_text(encoding="utf-8")

@@ -1,13 +1,14 @@
 """Closed loops of random motions in the bay, by a client that is killed once."""
 
-import json
-import resource
 import shutil
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 from armguard.fleet.manifest import FILE, Manifest
 from armguard.fleet.store import PARTS, query
@@ -24,8 +25,14 @@ KILLED_AT = 0.1
 LOOK = 0.2
 
 
-def looped(folder: Path, count: int) -> dict[str, Any]:
-    """Figures of so many episodes."""
+def looped(folder: Path, count: int, longest: float) -> dict[str, Any]:
+    """Figures of so many episodes, or of as many as are done in time.
+
+    Args:
+        folder: Where scene and results are written.
+        count: Count of episodes.
+        longest: Time after which the client is ended for good [s].
+    """
     (folder / "bay.yaml").write_text(scene_text(), encoding="utf-8")
     out = folder / "loops"
     shutil.rmtree(out, ignore_errors=True)
@@ -35,18 +42,47 @@ def looped(folder: Path, count: int) -> dict[str, Any]:
     client = subprocess.Popen(words)
     while client.poll() is None and not (out / FILE).exists():
         time.sleep(LOOK)
-    due = KILLED_AT * len(Manifest.read(out).ends)
-    while client.poll() is None and len([*out.glob(PARTS)]) < due:
+    made = Manifest.read(out)
+    while client.poll() is None and done(out) < KILLED_AT * len(made.ends):
         time.sleep(LOOK)
     client.kill()
     client.wait()
-    before = len([*out.glob(PARTS)])
-    worked = processor_time()
-    again = subprocess.run([*words, "--json"], check=False, stdout=subprocess.PIPE)
-    worked = processor_time() - worked
+    before = done(out)
+    items_before = made.ends[before - 1]
+    client, worked = subprocess.Popen(words), 0.0
+    while client.poll() is None and time.monotonic() < start + longest:
+        worked = max(worked, processor_time(client.pid))
+        time.sleep(LOOK)
+    client.kill()
+    client.wait()
+    found = results(out)
+    items = found.pop("items")
+    spans = [made.shard(int(path.stem[5:])) for path in out.glob(PARTS)]
+    due = sum(end - first for first, end in spans)
+    return found | {
+        "duration": DURATION,
+        "period": PERIOD,
+        "of": count,
+        "parts": len(made.ends),
+        "parts_done": len(spans),
+        "parts_when_the_client_was_killed": before,
+        "lost": due - found["episodes"],
+        "twice": items - found["episodes"],
+        "wall_s": time.monotonic() - start,
+        "cpu_ms_an_episode": 1e3 * worked / max(items - items_before, 1),
+    }
+
+
+def done(out: Path) -> int:
+    """Count of parts that are done."""
+    return len([*out.glob(PARTS)])
+
+
+def results(out: Path) -> dict[str, Any]:
+    """Figures of all results."""
     names, [row] = query(
         out,
-        "select count(distinct item) as distinct_items, count(*) as items, "
+        "select count(distinct item) as episodes, count(*) as items, "
         "sum(frames)::bigint as cycles, sum(contacts)::bigint as contacts, "
         "(select count(*) from findings where kind = 'too near') as too_near, "
         "1e3 * min(least) as least_mm, sum(stops)::bigint as stops, "
@@ -54,28 +90,16 @@ def looped(folder: Path, count: int) -> dict[str, Any]:
         "avg(done) as done, max(longest_hold) as longest_hold_s, "
         "any_value(judge) as judge, count(error) as failed from results",
     )
-    found = dict(zip(names, row, strict=True))
-    items, known = found.pop("items"), found.pop("distinct_items")
-    outcome = json.loads(again.stdout)
-    here = outcome["items"] * (1.0 - outcome["before"] / outcome["shards"])
-    return found | {
-        "episodes": count,
-        "duration": DURATION,
-        "period": PERIOD,
-        "parts": outcome["shards"],
-        "parts_when_the_client_was_killed": before,
-        "lost": count - known,
-        "twice": items - known,
-        "exit_code": again.returncode,
-        "wall_s": time.monotonic() - start,
-        "cpu_ms_an_episode": 1e3 * worked / max(here, 1.0),
-    }
+    return dict(zip(names, row, strict=True))
 
 
-def processor_time() -> float:
-    """Processor time of all processes that ended and were started here [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def processor_time(process: int) -> float:
+    """Processor time of a process and of all that it started [s]."""
+    with suppress(psutil.Error):
+        own = psutil.Process(process)
+        every = [own, *own.children(recursive=True)]
+        return float(sum(sum(one.cpu_times()[:4]) for one in every))
+    return 0.0
 
 
 def scene_text() -> str:

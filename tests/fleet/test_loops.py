@@ -10,9 +10,11 @@ from armguard.fleet import manifest as manifests
 from armguard.fleet.engine import Here, Processes
 from armguard.fleet.job import JobModel
 from armguard.fleet.loops import Loops
-from armguard.fleet.manifest import Manifest
+from armguard.fleet.manifest import Manifest, settle
 from armguard.fleet.playback import item_frames
 from armguard.fleet.run import run_job
+from armguard.fleet.store import part_of, query, write_part
+from armguard.fleet.work import Work
 from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 
@@ -106,26 +108,32 @@ def test_a_stop_is_needless_if_the_motion_turns_back_in_time(loops):
 
 def test_a_wider_buffer_is_kept_and_costs_motion(loops):
     """The settings of the scene are swept, and the simulated arm has them too."""
-    made = job_of(loops, "hit.csv", sweep={"scene.buffer": [0.0, 0.1]})
+    made = job_of(loops, "hit.csv", sweep={"scene.buffer": [0.0, 0.04]})
     bare, wide = (Loops(made, group).row(made.inputs[0]) for group in (0, 1))
     assert bare["clear"] and wide["clear"] and bare["least"] < 0.02
-    assert wide["least"] >= 0.1 and wide["done"] < bare["done"]
+    assert wide["least"] >= 0.04 - 1e-5 and wide["done"] < bare["done"]
 
 
 def test_random_motions_by_all_engines_by_seed_and_in_the_view(loops, monkeypatch):
     """The same bytes; a seed alone is the same episode; the view shows its cycles."""
     monkeypatch.setattr(manifests, "SHARD_SECONDS", 0.3)
-    made = job_of(loops, "random:3-8", "hit.csv", duration=0.8)
+    np.save(loops / "rows.npy", np.array([[-1.0, 0.0], [-0.9, 0.0]]))
+    made = job_of(loops, "random:3-8", "hit.csv", "rows.npy", duration=0.8)
     assert len(made.ends) > 2
     first = run_job(made, loops / "here", Here())
-    assert (first.items, first.failed, first.clear) == (7, 0, 7)
+    assert (first.items, first.failed, first.clear) == (8, 1, 7)
+    sql = "select input, error from results where error is not null"
+    assert query(loops / "here", sql)[1] == [
+        ("rows.npy", "rows.npy: it has no times; `run` needs them")
+    ]
     run_job(made, loops / "two", Processes(2))
     parts = [
         {path.name: path.read_bytes() for path in sorted((loops / name).glob("part-*"))}
         for name in ("here", "two")
     ]
     assert parts[0] == parts[1]
-    all_rows = [Loops(made, 0).row(one) for one in made.inputs]
+    own = Loops(made, 0)
+    all_rows = [own.row(one) for one in made.inputs[:7]]
     alone = job_of(loops, "random:5", duration=0.8)
     assert Loops(alone, 0).row(alone.inputs[0]) == all_rows[2]
     # Other seeds are other motions.
@@ -137,23 +145,33 @@ def test_random_motions_by_all_engines_by_seed_and_in_the_view(loops, monkeypatc
     assert (Reason.TOO_CLOSE in reasons) == (all_rows[6]["stops"] > 0)
 
 
+def done_here(folder, name, *inputs, **more):
+    """Do a job in this process, as the command line's would be."""
+    made, out = job_of(folder, *inputs, **more), folder / name
+    settle(out, made)
+    work = Work(out)
+    for number in range(len(made.ends)):
+        rows = work.rows(*made.shard(number))
+        write_part(part_of(out, number), rows, made.hash)
+
+
 def test_the_command_its_exit_codes_and_its_page(loops, fleet):
-    words = ["run", "hit.csv", "free.csv", "--scene", "cell.yaml", "--out", "r"]
-    code, said = fleet(*words)
-    # The guard stopped, which is no error.
-    assert code == 0 and "2 results: 2 clear, 1 with findings" in said
-    assert fleet(*words)[0] == 0
-    code, said = fleet(*words[:-1], "late", "--set", "plant.lateness=3", "--json")
-    assert code == 1 and json.loads(said)["clear"] == 1
-    code, said = fleet(
-        "query", "late", "select kind from findings order by 1", "--json"
-    )
-    kinds = [row["kind"] for row in json.loads(said)["rows"]]
-    assert code == 0 and kinds == ["contact", "not done", "stop"]
-    assert fleet("report", "late")[0] == 0
-    page = (loops / "late" / "report.html").read_text()
+    words = ["run", "hit.csv", "--scene", "cell.yaml", "--out"]
+    done_here(loops, "kept", "hit.csv")
+    done_here(loops, "both", "hit.csv", sweep={"plant.lateness": ["1", "3"]})
+    # The guard stops the arm, which is no error.
+    code, said = fleet(*words, "kept")
+    assert code == 0 and "1 results: 1 clear, 1 with findings" in said
+    code, said = fleet(*words, "both", "--set", "plant.lateness=1,3")
+    assert code == 1 and "2 results: 1 clear, 2 with findings" in said
+    sql = "select contacts, stops > 0 as stops, judge from results order by item"
+    rows = json.loads(fleet("query", "both", sql, "--json")[1])["rows"]
+    assert [row["contacts"] for row in rows] == [0, 1] and rows[0]["stops"]
+    assert fleet("report", "both")[0] == 0
+    page = (loops / "both" / "report.html").read_text()
     assert "1 of them with contacts" in page and "for another second" in page
-    assert "armguard fleet view late 0" in page and "plot-done" in page
+    assert "armguard fleet view both 1" in page and "plot-done" in page
+    assert "motion done" in page and rows[0]["judge"] in page
 
 
 @pytest.mark.parametrize(
@@ -196,13 +214,6 @@ def test_jobs_that_cannot_be_run(loops, work, job, sentence):
     (loops / "fixed.yaml").write_text(text.replace("mode: path", "mode: fixed"))
     with pytest.raises(ag.ArmguardError, match=sentence):
         Manifest.of(work, JobModel(**{"scenes": ["cell.yaml"]} | job), loops)
-
-
-def test_a_motion_without_times_is_the_error_of_its_input(loops):
-    np.save(loops / "rows.npy", np.array([[-1.0, 0.0], [-0.9, 0.0]]))
-    made = job_of(loops, "rows.npy", "free.csv")
-    found = run_job(made, loops / "out", Here())
-    assert (found.items, found.failed, found.clear) == (2, 1, 1)
 
 
 def test_objects_that_move_are_refused(loops):

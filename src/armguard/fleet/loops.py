@@ -25,8 +25,9 @@ from armguard.simulation.tele import TeleDriver
 
 Floats = NDArray[np.float64]
 
-# Configurations that are tried for the start of a random motion; then it is home.
-TRIES = 200
+# Configurations that are tried for the start of a random motion; then it is home. There
+# all pairs are farther apart than the largest buffer by so much [m].
+TRIES, ROOM = 200, 0.02
 
 # Time of the closed loop that loads the kernels [s].
 WARM = 0.2
@@ -56,6 +57,7 @@ class Loops:
         self._fresh = self.guard.checkpoint()
         tables = self.guard.tables
         self._driver = TeleDriver(tables)
+        self._room = ROOM + float(tables.buffers.max(initial=0.0))
         name: JudgeName = self._job.judge or "checker"
         self._name, self._judge = name, judge_of(name, self.scene, tables)
 
@@ -146,10 +148,12 @@ class Loops:
         return tube
 
     def _start(self, rng: np.random.Generator) -> Floats:
-        """Where a random motion begins: every pair keeps its buffer there."""
+        """Where a random motion begins: every pair keeps its buffer and more there."""
         for _ in range(TRIES):
             q = self._driver.known(rng)
-            if self._judge.judge(np.array([0.0, 1.0]), np.array([q, q])).clear:
+            found = self._judge.judge(np.array([0.0, 1.0]), np.array([q, q]))
+            least = found.least
+            if found.clear and (least is None or least.distance >= self._room):
                 return q
         return np.array(self.scene.home)
 

@@ -36,11 +36,11 @@ COSTS = {
     "audit with guard": (4e-5, 1e-3),
     "verify": (5e-6, 2e-2),
     "replay": (1e-4, 2e-1),
-    "run": (0.0, 5e-2),
+    "run": (0.0, 2e-2),
 }
 
 # About how long a second of a closed loop takes [s].
-LOOP_SECOND = 0.2
+LOOP_SECOND = 0.07
 
 # Keys of a job that decide no result.
 NOT_DECIDING = {"memory", "time_limit"}
