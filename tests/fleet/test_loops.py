@@ -18,15 +18,6 @@ from armguard.fleet.work import Work
 from armguard.guard.layout import IN_HEADER
 from armguard.guard.levels import Reason
 
-STOPPING = """
-    response: stop
-    stopping:
-      acceleration: 10
-      deceleration: 5
-      errors: {position: 0.001, velocity: 0.01}
-      delays: {sensing: 0.004, command: 0.008, stale: 0.02}
-"""
-
 # Straight through the ball, past nothing, and towards the ball but back in time.
 HIT = "t,turn,bend\n0,-1,0\n1.3,1.6,0\n"
 FREE = "t,turn,bend\n0,-1,0\n1,-0.2,0.3\n"
@@ -34,16 +25,9 @@ BACK = "t,turn,bend\n0,-1,0\n0.6,0.2,0\n1.2,-1,0\n"
 
 
 @pytest.fixture
-def loops(cell):
+def loops(cell, moving):
     """The cell with an arm that stops as declared, and three plans."""
-    text = (cell / "cell.yaml").read_text()
-    text = text.replace(
-        "mode: fixed", "mode: path\ncycle: {period: 0.008, late: 0.002}"
-    )
-    text = text.replace("buffer: 0.02", "buffer: 0")
-    text = text.replace("{urdf: arm.urdf,", f"\n    urdf: arm.urdf{STOPPING}   ")
-    text = text.replace("bend: 0.0}}", "bend: 0.0}")
-    (cell / "cell.yaml").write_text(text)
+    (cell / "cell.yaml").write_text(moving)
     for name, plan in (("hit", HIT), ("free", FREE), ("back", BACK)):
         (cell / f"{name}.csv").write_text(plan)
     return cell
