@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from armguard.geometry import Pose, Sphere
+from armguard.plans.coal_world import CoalWorld, checked_pairs
 from armguard.scene import Scene, compile_scene
 from armguard.simulation.judge import CheckerJudge, CoalJudge
 from arms import simple_arm
@@ -76,16 +77,20 @@ def test_links_with_meshes_are_judged_by_their_hulls():
     scene.add_robot("panda", name="far", base=Pose(xyz=(0.4, 0.0, 0.0)))
     tables = compile_scene(scene)
     judge, meshes = CoalJudge(tables), ExactWorld(scene, tables)
-    rng, seen = np.random.default_rng(4), 0
+    world, pairs = CoalWorld(tables, exact=True), checked_pairs(tables)
+    rng, refined = np.random.default_rng(4), 0
     for _ in range(25):
         q = rng.uniform(tables.lower, tables.upper)
         found = judge.judge(np.array([0.0, 1.0]), np.array([q, q])).least
         true = float(meshes.distances(q).min())
+        world.move(q)
+        rough = min(world.distance(int(i), int(j)) for i, j in pairs)
         if found is None:
-            assert true >= 0.05 - 1e-6
-        else:
-            seen += found.distance > 1e-3
-            assert found.distance <= max(true, 0.0) + 1e-6
-            # Primitives reach a few centimetres beyond the meshes.
-            assert found.distance >= min(true, 0.0) - 0.12
-    assert seen > 3
+            assert true >= rough >= 0.05
+            continue
+        assert rough <= found.distance <= max(true, 0.0) + 1e-6
+        # Primitives overlap where meshes are apart, and so are their hulls.
+        if rough < 0.0 and true > 1e-3:
+            assert found.distance > 0.0
+            refined += 1
+    assert refined == 2
