@@ -68,7 +68,6 @@ def looped(folder: Path, count: int, longest: float) -> dict[str, Any]:
         "parts_when_the_client_was_killed": before,
         "lost": due - found["episodes"],
         "twice": items - found["episodes"],
-        "wall_s": time.monotonic() - start,
         "cpu_ms_an_episode": 1e3 * worked / max(items - items_before, 1),
     }
 
