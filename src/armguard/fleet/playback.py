@@ -2,14 +2,19 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from armguard.fleet.audit import Auditor, rising, speeds_at
+from armguard.fleet.audit import Auditor, speeds_at
 from armguard.fleet.episodes import frames_of
+from armguard.fleet.inputs import Input
 from armguard.fleet.job import FleetError
+from armguard.fleet.loops import Loops
 from armguard.fleet.manifest import Manifest
 from armguard.recording.frames import Frame
-from armguard.recording.recorded import judged
+from armguard.recording.recorded import Tape, judged
+from armguard.recording.ring import in_memory
 from armguard.scene import Scene
+from armguard.simulation.judge import rising
 
 # Frames a second of an input without times [Hz].
 RATE = 30.0
@@ -31,6 +36,9 @@ def item_frames(out: Path, item: int) -> tuple[Scene, Iterator[Frame]]:
     if not 0 <= item < manifest.items:
         raise FleetError(f"{out} has results 0 to {manifest.items - 1}, not {item}")
     group, one = manifest.item(item)
+    if manifest.work == "run":
+        loops = Loops(manifest, group)
+        return loops.scene, looped(loops, one)
     scene, budget = manifest.scene(group)
     [frames] = frames_of([one], manifest.job, manifest.folder, scene)
     if isinstance(frames, tuple):
@@ -39,3 +47,13 @@ def item_frames(out: Path, item: int) -> tuple[Scene, Iterator[Frame]]:
     times = rising(frames.times) / (1.0 if frames.timed else RATE)
     speeds = None if auditor.fixed else speeds_at(frames.q, times)
     return scene, judged(auditor.guard_for(times), frames.q, times, speeds)
+
+
+def looped(loops: Loops, one: Input) -> Iterator[Frame]:
+    """Frames of a closed loop."""
+    with TemporaryDirectory(dir=in_memory()) as folder:
+        tape = Tape(loops.guard, folder)
+        loop, longest = loops.loop(one, tape.guard.filter)
+        for _ in loop.run(longest):
+            tape.now = loop.times[-1]
+            yield from tape.unread()

@@ -25,8 +25,8 @@ from armguard.geometry.convex_hull import convex_hull
 from armguard.geometry.proximity import measure_all
 from armguard.geometry.shapes import Hull, ShapeKind, shape_row
 from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.plans.coal_world import bodies_above
 from armguard.plans.pieces import Piece
-from armguard.plans.recheck import bodies_above
 from armguard.prove.tube import Tube
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene.poses import body_poses

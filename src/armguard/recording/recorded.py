@@ -307,6 +307,32 @@ def as_number(value: object) -> float:
     return float(value) if is_number(value) else np.nan  # type: ignore[arg-type]
 
 
+class Tape:
+    """A guard in a ring, and what it wrote there.
+
+    Attributes:
+        guard: The guard; it writes down its cycles.
+        now: Time of the present cycle [s].
+
+    Args:
+        guard: The guard.
+        folder: Where the ring is.
+    """
+
+    def __init__(self, guard: Guard, folder: str) -> None:
+        path, self.now = Path(folder) / "ring", 0.0
+        ring = RingWriter(path)
+        self.guard = RecordedGuard(
+            guard, ring, monotonic=lambda: self.now, wall=lambda: self.now
+        )
+        self._reader = RingReader(path)
+
+    def unread(self) -> Iterator[Frame]:
+        """Frames since the last call."""
+        for row in self._reader.unread():
+            yield frame_of(row.copy())
+
+
 def judged(
     guard: Guard, q: Floats, times: Floats, speeds: Floats | None
 ) -> Iterator[Frame]:
@@ -320,17 +346,12 @@ def judged(
             that predicts no stops.
     """
     with TemporaryDirectory(dir=in_memory()) as folder:
-        path = Path(folder) / "ring"
-        now = 0.0
-        tape = RecordedGuard(
-            guard, RingWriter(path), monotonic=lambda: now, wall=lambda: now
-        )
-        reader = RingReader(path)
-        for k, (row, now) in enumerate(zip(q, times.tolist(), strict=True)):
+        tape = Tape(guard, folder)
+        for k, (row, tape.now) in enumerate(zip(q, times.tolist(), strict=True)):
             guard.forget_stops()
-            tape.step(row, now, velocity=None if speeds is None else speeds[k])
-            for written in reader.unread():
-                yield frame_of(written.copy())
+            velocity = None if speeds is None else speeds[k]
+            tape.guard.step(row, tape.now, velocity=velocity)
+            yield from tape.unread()
 
 
 def wrong_input(given: Mapping[str, Any], robots: Sequence[str], joints: int) -> str:
