@@ -6,6 +6,7 @@ make bench ARGS="batch --scene FILE"    rates of batches in a given scene
 make bench ARGS="robots --only shelf --cycles 100000"   cycles in one scene
 make bench ARGS="service --seconds 60"  the service, ten minutes if not given
 make bench ARGS="joint_table --output docs/joint_table.json"   the joint-space table
+make bench ARGS=regions                 whole arms beside region octrees
 """
 
 from collections.abc import Callable
@@ -41,7 +42,7 @@ NAMES = (
 )
 
 # Those that `all` leaves out.
-ALONE = ("octree", "joint_table")
+ALONE = ("octree", "joint_table", "regions")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +53,7 @@ class Options(ServiceBench):
         str,
         typer.Argument(
             help=f"{', '.join(NAMES)}; all. Or service, which takes ten minutes, "
-            "octree, which draws the tree of the bay, or joint_table."
+            "octree, which draws the tree of the bay, joint_table, or regions."
         ),
     ] = "all"
     cycles: Annotated[int | None, Option(min=1, help="Cycles to measure.")] = None

@@ -19,12 +19,15 @@ from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures, version_of
 from pages import DOCS
 
-# Kinds: time from one item to the next [s], and what is left out.
-KINDS = {
-    "every 10 s": (10.0, ""),
-    "every 7 s": (7.0, ""),
-    "no hysteresis": (7.0, "hysteresis"),
-    "no speed error": (7.0, "speed error"),
+# Kinds: time from one item to the next [s], what is left out, and how many alternatives
+# each plan has in the bundled cell; None with opposite arms.
+KINDS: dict[str, tuple[float, str, int | None]] = {
+    "every 10 s": (10.0, "", None),
+    "every 7 s": (7.0, "", None),
+    "no hysteresis": (7.0, "hysteresis", None),
+    "no speed error": (7.0, "speed error", None),
+    "side by side": (7.0, "", 0),
+    "side by side, alternatives": (7.0, "", 2),
 }
 
 # Counts that break a promise, in words.
@@ -48,8 +51,8 @@ def version(kind: str) -> str:
 
 def coordinated(kind: str, seed: int) -> Episode:
     """An episode, judged; what comes of something left out is expected."""
-    every, left_out = KINDS[kind]
-    found = judged(seed, every, left_out)
+    every, left_out, alternatives = KINDS[kind]
+    found = judged(seed, every, left_out, alternatives)
     if left_out:
         found |= {f"expected_{key}": found.pop(key) for key in BROKEN}
     return {"seed": seed, **found}

@@ -252,6 +252,7 @@ def test_every_published_file_is_looked_through():
         "following",
         "joint_table",
         "mutants",
+        "regions",
         "sense",
         "sensing",
         "sensor_faults",

@@ -1,6 +1,6 @@
 """Two Pandas at a belt, and random plans that pick from it and place at its sides."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -9,10 +9,14 @@ import pinocchio as pin
 
 import armguard as ag
 from armguard.maps.cell_plan import CellPlan
+from armguard.maps.job import LineJobModel, LinePlanEntry, line_plans
 from armguard.maps.line_cell import RUN_UP, Conveyor, LinePlan, Track
 from armguard.plans.coal_world import CoalWorld
 from armguard.respond.tool import Tool, tool_of
 from armguard.scene import Scene, SceneTables, Trajectory
+from armguard.scene.conveyor import FOLDER, conveyor_job_path, conveyor_path
+from armguard.scene.schema import model_of
+from armguard.scene.yaml_source import YamlSource
 from arrays import Floats
 from batch_planning import primitives_of
 from peers.pinocchio_coal import build_models
@@ -90,6 +94,19 @@ def cell() -> Cell:
         scene.add_robot("panda", name=name, base=base, home=REST)
     belt = ag.Box(size=(0.3, 3.4, 0.04))
     scene.add(belt, name="belt", pose=ag.Pose(xyz=(0.0, 0.0, -0.02)))
+    return cell_of(scene)
+
+
+@cache
+def side_by_side() -> Cell:
+    """The bundled cell: both arms at one side of a belt, with a tray between them."""
+    scene = ag.load_scene(conveyor_path())
+    scene.period = PERIOD
+    return cell_of(scene)
+
+
+def cell_of(scene: Scene) -> Cell:
+    """The cell of a scene with two arms."""
     tables = primitives_of(scene)
     moving = tables.robot_of_primitive.tolist()
     left, right = ([i for i, r in enumerate(moving) if r == k] for k in range(2))
@@ -196,6 +213,22 @@ def pick(robot: int, first: float, across: float, place: list[float]) -> LinePla
     start = float(times[1]) + RUN_UP
     track = Track(start, start + FOLLOWS, first - BEGIN, MADE_FOR)
     return LinePlan(ROBOTS[robot], CellPlan(plan, FOLLOWING, SKEW), track)
+
+
+def bundled_plans(alternatives: int) -> dict[str, LinePlan]:
+    """Plans of the bundled cell, and one of each arm that goes there without an item.
+
+    Args:
+        alternatives: How many alternatives each has.
+    """
+    source = YamlSource(conveyor_job_path())
+    job = model_of(source, LineJobModel, LinePlanEntry)
+    given = line_plans(source, job, FOLDER, side_by_side().scene)
+    found = {n: replace(one, alternatives=alternatives) for n, one in given.items()}
+    for robot in ROBOTS:
+        one = found[f"{robot} late"]
+        found[f"{robot} without item"] = replace(one, track=None)
+    return found
 
 
 def plans_of(seed: int) -> dict[str, LinePlan]:

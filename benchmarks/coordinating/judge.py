@@ -20,8 +20,11 @@ from coordinating.cells import (
     FLOOR,
     MADE_FOR,
     PERIOD,
+    Cell,
+    bundled_plans,
     cell,
     plans_of,
+    side_by_side,
 )
 
 # Pairs of jobs in an episode.
@@ -135,9 +138,10 @@ class Found:
 
 
 @cache
-def guard() -> ag.Guard:
-    """The guard of the cell."""
-    return ag.Guard(cell().scene, self_test=False)
+def guard(side: bool) -> ag.Guard:
+    """The guard of a cell, of arms side by side or opposite."""
+    one = side_by_side() if side else cell()
+    return ag.Guard(one.scene, self_test=False)
 
 
 @cache
@@ -147,13 +151,21 @@ def known_cell(seed: int) -> LineCell:
     return LineCell.of(cell().tables, plans, conveyor=CONVEYOR, floor=FLOOR)
 
 
+@cache
+def bundled_cell(alternatives: int) -> LineCell:
+    """What is known of the bundled cell, whose plans have alternatives."""
+    plans, tables = bundled_plans(alternatives), side_by_side().tables
+    return LineCell.of(tables, plans, conveyor=CONVEYOR, floor=FLOOR)
+
+
 def arrivals(
     seed: int, plans: Mapping[str, LinePlan], every: float
 ) -> list[tuple[float, tuple[str, ...]]]:
     """When jobs arrive, and the plans of each; one in three is without an item."""
     rng, count = np.random.default_rng([seed, 96]), 2 * JOBS * 2 // 3
-    picks = tuple(name for name, one in plans.items() if one.track)
-    others = tuple(name for name, one in plans.items() if not one.track)
+    given = {name: one for name, one in plans.items() if not one.instead_of}
+    picks = tuple(name for name, one in given.items() if one.track)
+    others = tuple(name for name, one in given.items() if not one.track)
     times = 2.0 + every * np.arange(count) + rng.uniform(-VARIES, VARIES, count)
     found = [(float(t), picks) for t in times]
     more = rng.uniform(0.0, every * count, 2 * JOBS - count)
@@ -161,13 +173,19 @@ def arrivals(
 
 
 def executed(
-    line: Line, seed: int, every: float, found: Found, *, guarded: bool
+    line: Line,
+    seed: int,
+    every: float,
+    found: Found,
+    *,
+    guarded: bool,
+    side: bool = False,
 ) -> float:
     """Execute an episode; returns the time at which all jobs are done [s]."""
     rng, jobs = np.random.default_rng([seed, 97]), arrivals(seed, line.plans, every)
     belt, k, now, waiting = Belt(rng), 0, 0.0, True
-    plant = Plant(cell().scene, imperfection=Imperfection(seed=seed))
-    judge = guard()
+    judge, one = guard(side), side_by_side() if side else cell()
+    plant = Plant(one.scene, imperfection=Imperfection(seed=seed))
     judge.reset()
     while (waiting or not line.idle) and now < PATIENCE:
         belt.advance(now)
@@ -181,6 +199,9 @@ def executed(
         found.seconds.append(thread_time() - start)
         found.count("both_yield", int(all(lane.yields for lane in line.lanes)))
         found.count("yields", int(any(lane.yields for lane in line.lanes)))
+        begun = [e for e in line.events if "begins job" in e]
+        found.count("aside", sum("alternative" in e for e in begun))
+        line.events.clear()
         found.count("decisions")
         if guarded:
             drive(line, plant, judge, now, found)
@@ -204,13 +225,12 @@ def drive(line: Line, plant: Plant, judge: ag.Guard, now: float, found: Found) -
         found.rows.append(plant.q)
 
 
-def contacts(rows: list[Floats]) -> int:
-    """States in which links of both arms touch, or one of them touches the belt."""
-    one, touching = cell(), 0
+def contacts(rows: list[Floats], one: Cell) -> int:
+    """States in which links of both arms touch, or one touches belt or tray."""
+    touching = 0
     oracle, (left, right, still) = one.oracle, one.sides
-    belt = [i for i in still if one.tables.body_names[one.tables.owners[i]] == "belt"]
     pairs = [(i, j) for i in left for j in right]
-    pairs += [(i, j) for i in (*left[3:], *right[3:]) for j in belt]
+    pairs += [(i, j) for i in (*left[3:], *right[3:]) for j in still]
     ends = np.array(pairs).T
     reach = oracle.radii[ends[0]] + oracle.radii[ends[1]]
     for q in rows:
@@ -221,7 +241,9 @@ def contacts(rows: list[Floats]) -> int:
     return touching
 
 
-def judged(seed: int, every: float, left_out: str = "") -> dict[str, Any]:
+def judged(
+    seed: int, every: float, left_out: str = "", alternatives: int | None = None
+) -> dict[str, Any]:
     """An episode of some job pairs, judged.
 
     Args:
@@ -229,19 +251,22 @@ def judged(seed: int, every: float, left_out: str = "") -> dict[str, Any]:
         every: Time from one item to the next [s].
         left_out: "" for coordination as it is; "hysteresis"; "speed error" where an
             arm that follows the belt is taken to be where the usual speed has it.
+        alternatives: Alternatives of each plan of the bundled cell; None for opposite
+            arms with plans of the seed.
     """
-    known, found = known_cell(seed), Found()
+    side, found = alternatives is not None, Found()
+    known = known_cell(seed) if alternatives is None else bundled_cell(alternatives)
     if left_out == "speed error":
         line: Line = ByUsualSpeed(known)
     else:
         line = Line(known, gain=0.0 if left_out == "hysteresis" else GAIN)
-    time = executed(line, seed, every, found, guarded=True)
+    time = executed(line, seed, every, found, guarded=True, side=side)
     alone = Alone(known)
-    free = executed(alone, seed, every, Found(), guarded=False)
+    free = executed(alone, seed, every, Found(), guarded=False, side=side)
     picked, could = (2 * JOBS - len(x.missed) for x in (line, alone))
     return {
         "pairs": JOBS,
-        "contacts": contacts(found.rows),
+        "contacts": contacts(found.rows, side_by_side() if side else cell()),
         "states": len(found.rows),
         "seconds": time,
         "alone": free,

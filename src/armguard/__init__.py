@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from armguard.batch.checker import Checker
     from armguard.batch.results import NearestPairs, ProvenMotions, Witnesses
     from armguard.cells.cell_map import CellMap
+    from armguard.cells.region_trees import RegionHits, RegionTrees
     from armguard.cells.view import CellView, NearestCell, NearestCells
     from armguard.errors import (
         ArmguardError,
@@ -97,6 +98,7 @@ _ROOMS = {
     "armguard.batch.checker": ("Checker",),
     "armguard.batch.results": ("NearestPairs", "ProvenMotions", "Witnesses"),
     "armguard.cells.cell_map": ("CellMap",),
+    "armguard.cells.region_trees": ("RegionHits", "RegionTrees"),
     "armguard.cells.view": ("CellView", "NearestCell", "NearestCells"),
     "armguard.errors": (
         "ArmguardError",
@@ -226,6 +228,8 @@ __all__ = [
     "Proximity",
     "Reason",
     "Region",
+    "RegionHits",
+    "RegionTrees",
     "Scene",
     "SceneError",
     "Schedule",

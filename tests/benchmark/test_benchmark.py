@@ -125,3 +125,15 @@ def test_the_benchmark_of_sensors_measures_whole_frames(monkeypatch):
     assert 0.0 < answer["zones"]["median_ms"] < answer["camera"]["median_ms"]
     assert answer["occupied_cells"] > 100
     assert 0.0 < answer["share_of_a_core"]
+
+
+def test_the_benchmark_of_region_octrees_judges_both_ways_by_exact_distances():
+    answer = run("regions", cycles=60)
+    for scene in ("two Pandas", "bay"):
+        assert answer[scene]["black_cells"] > 100_000
+        for kind in ("random", "plan"):
+            for way in ("primitives", "two trees"):
+                found = answer[scene][kind][way]
+                assert found["missed"] == found["outside"] == 0
+                assert found["greatest_mm"] < np.sqrt(3.0) * answer["cell_mm"]
+                assert found["needless"] < 60

@@ -70,6 +70,11 @@ JOB = {
 }
 
 
+def with_alternatives(count):
+    """The plans, one of them with alternatives."""
+    return {**JOB["plans"], "fetch": {**JOB["plans"]["fetch"], "alternatives": count}}
+
+
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "arm.urdf").write_text(ARM)
@@ -161,6 +166,7 @@ def test_the_answer_as_json(folder):
             "must be from 'slowest' to 'fastest'",
         ),
         ({"belt": 1}, "there is no such key"),
+        ({"plans": with_alternatives(5)}, "alternatives"),
     ],
 )
 def test_a_wrong_job_is_named_with_its_line(folder, changed, words):
@@ -168,6 +174,14 @@ def test_a_wrong_job_is_named_with_its_line(folder, changed, words):
         read_line_job(written(folder, **changed))
     assert words in str(refused.value)
     assert re.match(r"job\.yaml:\d+: ", str(refused.value))
+
+
+def test_alternatives_of_a_robot_that_is_not_redundant_are_refused(folder):
+    job = written(folder, plans=with_alternatives(1))
+    answer = CliRunner().invoke(app, ["coordinate", str(job)])
+    assert answer.exit_code != 0
+    with pytest.raises(CoordinationError, match="use a robot whose tool is moved by 7"):
+        read_line_job(job)
 
 
 @pytest.mark.parametrize(("share", "stops"), [(0.99, False), (1.01, True)])

@@ -32,6 +32,16 @@ ARM = """<robot name="r">
 </robot>"""
 
 
+STOPPING = """
+    response: stop
+    stopping:
+      acceleration: 10
+      deceleration: 5
+      errors: {position: 0.001, velocity: 0.01}
+      delays: {sensing: 0.004, command: 0.008, stale: 0.02}
+"""
+
+
 @pytest.fixture
 def cell(tmp_path, monkeypatch):
     """The folder, in which the test is."""
@@ -39,6 +49,17 @@ def cell(tmp_path, monkeypatch):
     (tmp_path / "cell.yaml").write_text(SCENE)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def moving():
+    """Its scene as text, without a buffer, with an arm that stops as declared."""
+    text = SCENE.replace(
+        "mode: fixed", "mode: path\ncycle: {period: 0.008, late: 0.002}"
+    )
+    text = text.replace("buffer: 0.02", "buffer: 0")
+    text = text.replace("{urdf: arm.urdf,", f"\n    urdf: arm.urdf{STOPPING}   ")
+    return text.replace("bend: 0.0}}", "bend: 0.0}")
 
 
 @pytest.fixture

@@ -89,7 +89,7 @@ def line_of(name):
 
 
 def test_engines_write_the_same_bytes_and_other_code_is_refused(
-    cell, shards, monkeypatch
+    cell, moving, shards, monkeypatch
 ):
     """A real cluster of two worker processes, of which one is killed, is among them."""
     write_dataset(cell / "d", "v3.0", episodes(14), per_file=5)
@@ -113,6 +113,14 @@ def test_engines_write_the_same_bytes_and_other_code_is_refused(
         crew["w0"].wait()
         assert found.items == 14
         assert parts(cell / "dask") == right
+        # A closed loop on a cluster is the one in this process.
+        (cell / "loops.yaml").write_text(moving)
+        job = JobModel(inputs=["random:0-1"], scenes=["loops.yaml"], duration=0.5)
+        loops = Manifest.of("run", job, cell)
+        for name, engine in (("far", Cluster(address)), ("near", Here())):
+            assert run_job(loops, cell / name, engine).failed == 0
+        assert len(parts(cell / "far")) == 2
+        assert parts(cell / "far") == parts(cell / "near")
         # To a command of other code, these workers have other code.
         monkeypatch.setattr(engines, "code_digest", lambda: "0.0.0-other")
         with pytest.raises(

@@ -9,6 +9,7 @@ import pytest
 
 from armguard.maps.cell_plan import CoordinationError
 from armguard.maps.job import read_line_job
+from armguard.maps.lane import QUIET, Lane
 from armguard.maps.line_cell import Conveyor, Job, LineCell, LinePlan, Track
 from armguard.maps.line_run import LineRun
 from armguard.maps.online import Line
@@ -229,7 +230,9 @@ def test_an_arm_that_cannot_wait_any_more_is_held_until_it_has_followed(known, b
     lane.place = start - before
     assert lane.stop > start
     pace = BELT.slowest / TRACK.speed
-    assert line._hold(lane, BELT.slowest)[0] == ceil((end - lane.place) / pace / STEP)
+    assert line._both.hold(lane, BELT.slowest)[0] == ceil(
+        (end - lane.place) / pace / STEP
+    )
 
 
 def test_an_order_in_which_both_slow_down_is_not_taken_up():
@@ -238,3 +241,39 @@ def test_an_order_in_which_both_slow_down_is_not_taken_up():
     executed(Line(known_cell(2)), 2, 10.0, found, guarded=False)
     assert found.counts["yields"] > 100
     assert found.counts["both_yield"] == 0
+
+
+def test_a_robot_that_slows_down_again_and_again_is_reported_once():
+    lane, said = Lane("left", "plan"), []
+    for k in range(400):
+        now = CYCLE * k
+        # It yields every other 0.3 s of the first two seconds.
+        lane.yields = now < 2.0 and (k // 30) % 2 == 0
+        said.append((now, lane.report(now, "right")))
+    said = [(round(now, 2), says) for now, says in said if says]
+    began, goes_on = said
+    assert began == (0.0, "left yields to right")
+    # Its last cycle of yielding is at 1.99 s.
+    assert goes_on == (1.99 + QUIET, "left goes on after right, it yielded for 2.0 s")
+
+
+def test_yields_are_reported_in_turn(known):
+    line, said = Line(known), []
+    jobs = crowd(0)
+    for k in range(6000):
+        now = CYCLE * k
+        while jobs and jobs[0][0] <= now:
+            _, number, plans = jobs.pop(0)
+            line.add(Job(number, plans))
+        moves = line.step(now, 0.0, 0.2)
+        said += [(now, one) for one in line.events]
+        line.events.clear()
+        if not moves and not jobs:
+            break
+    for robot in ("left", "right"):
+        own = [(now, one) for now, one in said if one.startswith(robot)]
+        yields = [k for k, (_, one) in enumerate(own) if "yields to" in one]
+        assert yields
+        for k in yields:
+            # A line that ends it comes before the next one, and not at once.
+            assert "goes on after" in own[k + 1][1] or "has done" in own[k + 1][1]

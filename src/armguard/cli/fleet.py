@@ -1,4 +1,4 @@
-"""`armguard fleet`: audits, proofs and replays of many inputs, by many workers."""
+"""`armguard fleet`: audits, proofs, replays and closed loops, by many workers."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from armguard.fleet.worker import Receipt
 
 fleet = typer.Typer(
-    help="Audit, prove or replay many inputs with many workers. Exit codes: 0 nothing "
-    "found, 1 something found, 2 an input or the job is wrong.",
+    help="Audit, prove, replay or execute many motions with many workers. Exit codes: "
+    "0 nothing found, 1 something found, 2 an input or the job is wrong.",
     no_args_is_help=True,
     rich_markup_mode=None,
     add_completion=False,
@@ -57,8 +57,8 @@ class Options:
     inputs: Annotated[
         list[Path],
         Argument(
-            help="A job file, or inputs: LeRobot datasets, recordings, plans, and "
-            "folders of them."
+            help="A job file, or inputs: LeRobot datasets, recordings, plans, "
+            "folders of them, and for `run` random:FIRST-LAST."
         ),
     ]
     scene: Annotated[
@@ -84,6 +84,10 @@ class Options:
     guard: Annotated[
         bool, Option(help="Judge each frame of an audit by the guard as well.")
     ] = True
+    duration: Annotated[
+        float | None,
+        Option(min=1e-3, help="Longest time of an episode of `run` [s]."),
+    ] = None
     workers: Annotated[
         int, Option(min=0, help="Worker processes; 0 is one, in this process.")
     ] = 0
@@ -115,6 +119,16 @@ def verify(options: Options) -> None:
 def replay(options: Options) -> None:
     """Judge recordings again, the same way or with other settings."""
     do(options, "replay")
+
+
+@fleet.command()
+@with_options(Options)
+def run(options: Options) -> None:
+    """Run motions in closed loops of the guard and simulated arms.
+
+    Exit code 1: a pair came nearer than its buffer. Random motions are random:0-999.
+    """
+    do(options, "run")
 
 
 @fleet.command()
@@ -225,7 +239,8 @@ def do(options: Options, work: str) -> None:
         show_outcome(options.out, outcome)
     if outcome.failed:
         raise typer.Exit(BAD_INPUT)
-    good = not outcome.found and outcome.clear == outcome.items
+    # A stop in a closed loop is what the guard is for.
+    good = outcome.clear == outcome.items and (work == "run" or not outcome.found)
     raise typer.Exit(CLEAR if good else TOO_CLOSE)
 
 
@@ -267,6 +282,7 @@ def job_of(options: Options) -> "tuple[JobModel, Path]":
             "units": options.units,
             "hold_home": options.hold_home,
             "guard": options.guard,
+            "duration": options.duration,
         }
     )
     return job, Path.cwd()

@@ -1,6 +1,8 @@
 """`armguard verify`: prove whole plans before anything moves."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,13 +22,13 @@ from armguard.cli.console import (
     say,
     with_options,
 )
-from armguard.errors import TrajectoryError
+from armguard.errors import StationError, TrajectoryError
 from armguard.plans.certificate import Certificate
+from armguard.plans.pieces import Piece, spans, write_pieces
 from armguard.plans.plan import Plan
 from armguard.plans.proof import PlanProof
 from armguard.plans.recheck import recheck
 from armguard.plans.splines import DEGREES, Interpolation
-from armguard.plans.sweep import write_pieces
 from armguard.plans.verify import PlanVerifier
 from armguard.recording.motions import load_motion
 from armguard.scene import Scene, load_scene
@@ -64,6 +66,23 @@ class Options:
             "the declared errors."
         ),
     ] = None
+    sweep_relative_to: Annotated[
+        str | None,
+        Option(
+            help="ROBOT/LINK: sweep the links that are checked against it in its "
+            "frame, and list when it may meet what they sweep there."
+        ),
+    ] = None
+    view: Annotated[
+        bool,
+        Option(
+            help="Show the plan in the browser: the scene, the sweep of each robot, "
+            "and a time line that moves the robots."
+        ),
+    ] = False
+    page_port: Annotated[int, Option(help="Port of that page; 0 for a free one.")] = (
+        8080
+    )
     sweep_tolerance: Annotated[
         float, Option(help="How far the sweep may reach beyond that, about [m].")
     ] = 0.005
@@ -148,24 +167,90 @@ def verify(options: Options) -> None:
                 "and the skew"
             )
         verifier.certificate(plans[0]).write(options.certificate)
-    if options.sweep is not None:
-        if len(plans) > 1:
-            raise TrajectoryError("a sweep is of one plan; give one")
-        pieces = verifier.sweep(
-            plans[0],
-            following_error=errors,
-            skew=skew,
-            tolerance=options.sweep_tolerance,
-        )
-        write_pieces(pieces, options.sweep)
+    pieces, met = sweep_of(plans, verifier, options)
     if options.json:
-        print_json(answer_of(options.scene.name, proofs))
+        answer = answer_of(options.scene.name, proofs)
+        if met is not None:
+            answer["met"] = [asdict(one) for one in spans(met)]
+        print_json(answer)
     else:
         for proof in proofs:
             for note in proof.notes:
                 say(f"note: {note}")
             out.print(proof.sentence, markup=False)
+        if met is not None:
+            for line in met_lines(met, options.sweep_relative_to, plans[0].timed):
+                out.print(line, markup=False)
+    if options.view:
+        show_plan(scene, plans[0], proofs[0], (pieces, met or []), options)
     raise typer.Exit(CLEAR if all(proof.clear for proof in proofs) else TOO_CLOSE)
+
+
+def sweep_of(
+    plans: list[Plan], verifier: PlanVerifier, options: Options
+) -> tuple[list[Piece], list[Piece] | None]:
+    """Write the sweep; its pieces, and those that the link meets which it is about.
+
+    Raises:
+        TrajectoryError: There are several plans, or the file is of another kind.
+        StationError: Viser is not installed.
+    """
+    link = options.sweep_relative_to
+    if options.sweep is None and link is None and not options.view:
+        return [], None
+    if len(plans) > 1:
+        raise TrajectoryError("a sweep is of one plan; give one")
+    if options.view and find_spec("viser") is None:
+        raise StationError("the view needs viser: pip install 'armguard[view]'")
+    pieces = verifier.sweep(
+        plans[0],
+        following_error=named_numbers("--following-error", options.following_error),
+        skew=named_numbers("--skew", options.skew),
+        tolerance=options.sweep_tolerance,
+        relative_to=link,
+    )
+    if options.sweep is not None:
+        write_pieces(pieces, options.sweep)
+    return pieces, None if link is None else verifier.meeting(pieces, link)
+
+
+def show_plan(
+    scene: Scene,
+    plan: Plan,
+    proof: PlanProof,
+    swept: tuple[list[Piece], list[Piece]],
+    options: Options,
+) -> None:
+    """Show a plan with its sweep in the browser, until the process is ended.
+
+    Args:
+        scene: The scene.
+        plan: The plan.
+        proof: What is proven of it.
+        swept: The pieces of its sweep, and those that the link meets.
+        options: The command line.
+    """
+    from armguard.view.__main__ import show
+    from armguard.view.planned_view import PlannedView
+
+    pieces, met = swept
+    view = PlannedView(
+        *(scene, plan, proof, pieces),
+        relative_to=options.sweep_relative_to,
+        met=met,
+        page_port=options.page_port,
+    )
+    show(view)
+
+
+def met_lines(met: list[Piece], link: str | None, timed: bool) -> Iterator[str]:
+    """When a link may touch those that are checked against it, one line for each."""
+    unit = " s" if timed else ""
+    if not met:
+        yield f"  {link} never touches a moving link that is checked against it"
+    for one in spans(met):
+        times = f"{one.start:.4f}{unit} to {one.end:.4f}{unit}"
+        yield f"  {link} meets what {one.link} sweeps in its frame: {times}"
 
 
 def recheck_all(paths: list[Path], scene: Scene) -> None:

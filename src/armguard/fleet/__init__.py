@@ -1,4 +1,4 @@
-"""Fleets: audits, proofs and replays of many recordings, on as many cores as there are.
+"""Fleets: audits, proofs, replays and closed loops, on as many cores as there are.
 
 It needs the packages of `armguard[fleet]`.
 """

@@ -20,14 +20,12 @@ from armguard.prove.paving import NearInterval, Paver
 from armguard.prove.tube import Tube
 from armguard.respond import Guard
 from armguard.scene import Scene
+from armguard.simulation.judge import RESOLUTION, near_intervals, rising
 
 Floats = NDArray[np.float64]
 
 # A motion that loads the kernels [rad or m], and its frames a second [Hz].
 WARM, RATE = 0.5, 30.0
-
-# Ends of intervals are this exact [s]; without times, this share of a step.
-RESOLUTION = 1e-3
 
 
 @dataclass
@@ -80,7 +78,7 @@ class Auditor:
             row = empty_row(one, len(times))
             row["duration"] = float(times[-1]) if frames.timed else None
             intervals = self._intervals(frames, part, proven[steps])
-            self._contacts(row, intervals)
+            add_contacts(row, intervals)
             self._nearest(row, frames, part, near)
             self._joints.add(row, frames, k, figures)
             self._start(row, start.proven[k], start.share[k], start.a[k], start.b[k])
@@ -125,9 +123,8 @@ class Auditor:
         self, frames: Frames, part: slice, proven: NDArray[np.bool_]
     ) -> list[NearInterval]:
         """What the steps that are not proven come to, see `Paver.intervals`."""
-        found: list[NearInterval] = []
         if len(proven) and proven.all():
-            return found
+            return []
         q, times = frames.q[part], frames.times[part]
         alone = len(q) == 1 and not self._checker.clear(q)[0]
         if alone and np.isfinite(q).all():
@@ -137,38 +134,7 @@ class Auditor:
         finite = frames.finite[part]
         open_steps = ~proven & finite[:-1] & finite[1:]
         resolution = RESOLUTION if frames.timed else RESOLUTION * 10.0
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], open_steps, [0]))))
-        for start, end in edges.reshape(-1, 2).tolist():
-            tube = Tube.straight(rising(times[start : end + 1]), q[start : end + 1])
-            paving = self._paver.pave(tube, resolution)
-            found += self._paver.intervals(paving, tube, resolution)
-        return found
-
-    def _contacts(self, row: dict[str, Any], intervals: Sequence[NearInterval]) -> None:
-        """Intervals in which a pair may be nearer than its buffer."""
-        row["contacts"] = sum(one.contact is not None for one in intervals)
-        for one in intervals:
-            place = one.nearest
-            if row["least"] is None or place.distance < row["least"]:
-                row["least"], row["time"] = place.distance, place.time
-                row["a"], row["b"] = place.a, place.b
-            kind = "too near"
-            if one.contact is not None:
-                robots = [name.split("/", 1)[0] for name in (place.a, place.b)]
-                own = robots[0] == robots[1] and "/" in place.a and "/" in place.b
-                kind = "self-contact" if own else "contact"
-            row["findings"].append(
-                finding(
-                    kind,
-                    place.a,
-                    place.b,
-                    one.start,
-                    one.end,
-                    place.distance,
-                    f"{place.a} to {place.b}: {1e3 * place.distance:.2f} mm at "
-                    f"{place.time:.4f} s",
-                )
-            )
+        return [*near_intervals(self._paver, times, q, open_steps, resolution)]
 
     def _start(
         self, row: dict[str, Any], proven: bool, share: float, a: int, b: int
@@ -243,6 +209,33 @@ class Auditor:
         return guard
 
 
+def add_contacts(row: dict[str, Any], intervals: Sequence[NearInterval]) -> None:
+    """Add intervals in which a pair may be nearer than its buffer to a result."""
+    row["contacts"] = sum(one.contact is not None for one in intervals)
+    for one in intervals:
+        place = one.nearest
+        if row["least"] is None or place.distance < row["least"]:
+            row["least"], row["time"] = place.distance, place.time
+            row["a"], row["b"] = place.a, place.b
+        kind = "too near"
+        if one.contact is not None:
+            robots = [name.split("/", 1)[0] for name in (place.a, place.b)]
+            own = robots[0] == robots[1] and "/" in place.a and "/" in place.b
+            kind = "self-contact" if own else "contact"
+        row["findings"].append(
+            finding(
+                kind,
+                place.a,
+                place.b,
+                one.start,
+                one.end,
+                place.distance,
+                f"{place.a} to {place.b}: {1e3 * place.distance:.2f} mm at "
+                f"{place.time:.4f} s",
+            )
+        )
+
+
 def speeds_at(q: Floats, times: Floats) -> Floats:
     """Velocity with which each frame was reached, shape (n, joints) [rad/s or m/s].
 
@@ -252,10 +245,3 @@ def speeds_at(q: Floats, times: Floats) -> Floats:
         return np.zeros_like(q)
     speeds = np.diff(q, axis=0) / np.diff(times)[:, None]
     return np.concatenate((speeds[:1], speeds))
-
-
-def rising(times: Floats) -> Floats:
-    """Times that rise: numbers of frames where they do not."""
-    if (np.diff(times) > 0.0).all():
-        return times
-    return np.asarray(times[0] + np.arange(len(times), dtype=np.float64))

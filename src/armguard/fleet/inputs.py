@@ -1,5 +1,6 @@
-"""Inputs of a job: datasets, recordings and plans, episode by episode."""
+"""Inputs of a job: datasets, recordings, plans and random motions, one by one."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,11 @@ from armguard.fleet.lerobot import Dataset, is_dataset, open_dataset
 from armguard.recording.motions import SUFFIXES
 from armguard.scene.trajectory_file import READERS
 
-DATASET, RECORDING, PLAN = "dataset", "recording", "plan"
+DATASET, RECORDING, PLAN, RANDOM = "dataset", "recording", "plan", "random motion"
+
+# Random motions by their seeds, as in random:7 or random:0-999, and the most of them.
+SEEDS = re.compile(r"random:(\d{1,9})(?:-(\d{1,9}))?")
+MOST_SEEDS = 10_000_000
 
 # Files of plans: what `Plan.read` reads.
 OF_PLANS = (*READERS, ".npy")
@@ -25,10 +30,11 @@ class Input:
     """One input.
 
     Attributes:
-        source: Its path, relative to the job.
-        kind: DATASET, RECORDING or PLAN.
-        episode: Its number in a dataset; -1 of others.
-        frames: Its count of frames; of recordings and plans about that.
+        source: Its path, relative to the job; "random" for a random motion.
+        kind: DATASET, RECORDING, PLAN or RANDOM.
+        episode: Its number in a dataset, or its seed; -1 of others.
+        frames: Its count of frames; of recordings and plans about that, of random
+            motions 0.
         size: Bytes of its file.
         changed: When the file was changed [ns since 1970].
     """
@@ -55,7 +61,7 @@ def inputs_of(given: Sequence[str], folder: Path) -> list[Input]:
     """All inputs of a job, in the order of the job, of paths, and of episodes.
 
     Args:
-        given: Paths and patterns, relative to the folder.
+        given: Paths and patterns, relative to the folder, and seeds, see `SEEDS`.
         folder: The job's folder.
 
     Raises:
@@ -65,6 +71,9 @@ def inputs_of(given: Sequence[str], folder: Path) -> list[Input]:
     """
     found: list[Input] = []
     for one in given:
+        if one.partition(":")[0] == "random":
+            found += random_motions(one)
+            continue
         paths = sorted(folder.glob(one)) if any(c in one for c in "*?[") else []
         paths = paths or [folder / one]
         found += [item for path in paths for item in below(path, folder)]
@@ -76,10 +85,40 @@ def inputs_of(given: Sequence[str], folder: Path) -> list[Input]:
     return found
 
 
+def random_motions(given: str) -> Iterator[Input]:
+    """The random motions of a range of seeds.
+
+    Raises:
+        FleetError: It is no range of seeds, an empty one, or one of too many.
+    """
+    seeds = SEEDS.fullmatch(given)
+    if seeds is None:
+        raise FleetError(
+            f"'{given}' names no seeds; write random:SEED or random:FIRST-LAST with "
+            "whole numbers from 0 on, as in random:0-999"
+        )
+    first, last = int(seeds[1]), int(seeds[2] or seeds[1])
+    if last < first:
+        raise FleetError(
+            f"'{given}' has no episode; write the smaller seed first, as in "
+            f"random:{last}-{first}"
+        )
+    if last - first >= MOST_SEEDS:
+        raise FleetError(
+            f"'{given}' has {last - first + 1:,} episodes; divide it into jobs of at "
+            f"most {MOST_SEEDS:,}"
+        )
+    for seed in range(first, last + 1):
+        yield Input("random", RANDOM, seed, 0, 0, 0)
+
+
 def below(path: Path, folder: Path) -> Iterator[Input]:
     """The inputs of a path: it is one, or a folder of some."""
     if not path.exists():
-        raise FleetError(f"'{path}': there is no such file or folder")
+        raise FleetError(
+            f"'{path}': there is no such file or folder; an input is a path, or "
+            "random:FIRST-LAST for random motions"
+        )
     own = kind_of(path)
     if own is not None:
         yield from items_of(path, own, folder)

@@ -1,7 +1,7 @@
 """Jobs of fleets: which inputs, in which scenes, with which settings."""
 
-from collections.abc import Iterator
 from itertools import product
+from math import inf, nan
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,11 +17,20 @@ from armguard.scene.schema import (
     model_of,
 )
 from armguard.scene.yaml_source import YamlSource
+from armguard.simulation.judge import JudgeName
 
-# Settings of a sweep that are of plans; all others are those of `armguard replay`.
-OF_PLANS = ("following_error", "skew")
+# Settings of a sweep that are of plans or of the simulated robots, by the work that has
+# them; all others are those of `armguard replay`.
+OF_WORK = {
+    "verify": ("following_error", "skew"),
+    "run": ("plant.errors", "plant.lateness"),
+}
 
 GIGABYTE = 1 << 30
+
+# Longest time of an episode with a random motion [s], and of another motion, in times
+# of its own.
+RANDOM_DURATION, TIMES_AS_LONG = 5.0, 3.0
 
 
 class FleetError(ArmguardError, ValueError):
@@ -46,7 +55,8 @@ class JobModel(Strict):
     """A job of a fleet.
 
     Attributes:
-        inputs: Recordings, plans, LeRobot datasets, folders and patterns of them.
+        inputs: Recordings, plans, LeRobot datasets, folders and patterns of them, and
+            random motions.
         scenes: Scene files; each input is judged in each of them.
         sweep: Values of settings by name; every combination is judged.
         joints: Joint of each column of datasets, None to leave one out; by default
@@ -56,6 +66,10 @@ class JobModel(Strict):
         guard: Whether the guard judges each frame of an audit as well.
         rest_offset: Greatest difference of leader and follower at rest [rad or m].
         interpolation: See `Plan.of`.
+        duration: Longest time of an episode; by default `RANDOM_DURATION` of random
+            motions, and `TIMES_AS_LONG` times that of a motion [s].
+        judge: Judge of true states, see `judge_of`; by default Coal where it is
+            installed and knows all shapes.
         memory: Memory that a part of the work may take [GB].
         time_limit: Time that a part may take; by default twenty times the median [s].
     """
@@ -71,6 +85,8 @@ class JobModel(Strict):
     guard: bool = True
     rest_offset: NotNegative = 0.05
     interpolation: Literal["linear", "cubic", "quintic"] | None = None
+    duration: Positive | None = None
+    judge: JudgeName | None = None
     memory: Positive = 2.0
     time_limit: Positive | None = None
 
@@ -94,23 +110,32 @@ def read_job(path: Path) -> JobModel:
     return model_of(YamlSource(path), JobModel, JointEntry)
 
 
-def split_settings(settings: dict[str, str]) -> tuple[dict[str, str], dict[str, float]]:
-    """Settings of the scene, and those of plans.
+def split_settings(
+    work: str, settings: dict[str, str]
+) -> tuple[dict[str, str], dict[str, float]]:
+    """Settings of the scene, and those of the work.
 
     Raises:
-        FleetError: One of the latter is no number.
+        FleetError: One of the latter is no number from 0 on, or of other work.
     """
-    scene = {name: text for name, text in settings.items() if name not in OF_PLANS}
-    return scene, dict(numbers(settings))
+    scene, own = dict[str, str](), dict[str, float]()
+    for name, text in settings.items():
+        of = next((each for each, names in OF_WORK.items() if name in names), None)
+        if of is None:
+            scene[name] = text
+        elif of != work:
+            raise FleetError(f"sweep: {name} is a setting of `{of}` alone")
+        else:
+            own[name] = not_negative(name, text)
+    return scene, own
 
 
-def numbers(settings: dict[str, str]) -> Iterator[tuple[str, float]]:
-    """Settings of plans as numbers."""
-    for name in OF_PLANS:
-        if name in settings:
-            try:
-                yield name, float(settings[name])
-            except ValueError:
-                raise FleetError(
-                    f"sweep: {name} is '{settings[name]}'; it must be a number"
-                ) from None
+def not_negative(name: str, text: str) -> float:
+    """A setting of the work as a number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if not 0.0 <= value < inf:
+        raise FleetError(f"sweep: {name} is '{text}'; it must be a number from 0 on")
+    return value

@@ -9,13 +9,17 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
+from armguard.errors import TrajectoryError
 from armguard.fleet.inputs import Input, inputs_of
-from armguard.fleet.job import FleetError, JobModel, split_settings
+from armguard.fleet.job import RANDOM_DURATION, FleetError, JobModel, split_settings
 from armguard.fleet.store import PARTS, manifest_of, part_of
 from armguard.kernel import DIGEST, PACKAGE
+from armguard.plans.coal_world import CoalWorld
 from armguard.recording.settings import change
-from armguard.scene import Scene, load_scene
+from armguard.scene import Scene, compile_scene, load_scene
 from armguard.scene.archive import archive_of, hash_of
+from armguard.service.server.scenes import BUNDLED
+from armguard.simulation.closed_loop import check_scene
 
 FILE = "manifest.json"
 
@@ -32,7 +36,11 @@ COSTS = {
     "audit with guard": (4e-5, 1e-3),
     "verify": (5e-6, 2e-2),
     "replay": (1e-4, 2e-1),
+    "run": (0.0, 2e-2),
 }
+
+# About how long a second of a closed loop takes [s].
+LOOP_SECOND = 0.07
 
 # Keys of a job that decide no result.
 NOT_DECIDING = {"memory", "time_limit"}
@@ -57,7 +65,7 @@ class Manifest:
     settings and inputs; a shard is a span of items in one scene with one setting.
 
     Attributes:
-        work: "audit", "verify" or "replay".
+        work: "audit", "verify", "replay" or "run".
         job: The job.
         folder: The job's folder, from which its paths lead.
         code: See `code_digest`.
@@ -96,11 +104,16 @@ class Manifest:
         """
         inputs = tuple(inputs_of(job.inputs, folder))
         check_kinds(work, job, inputs)
-        scenes = tuple(
-            scene_hash(job, folder, scene, k, progress)
-            for scene in job.scenes
-            for k in range(len(job.settings()))
-        )
+        settings = job.settings()
+        made = [
+            changed_scene(work, folder, name, one, progress)[0]
+            for name in job.scenes
+            for one in settings
+        ]
+        scenes = tuple(hash_of(archive_of(scene)) for scene in made)
+        if work == "run":
+            names = [name for name in job.scenes for _ in settings]
+            job = judged_job(job, list(zip(names, made, strict=True)))
         ends = shard_ends(work, job, inputs)
         return cls(work, job, folder, code_digest(), scenes, inputs, ends)
 
@@ -147,12 +160,16 @@ class Manifest:
             FleetError: The scene changed since the manifest was written.
         """
         name, settings = self.groups[group]
-        scene, budget = changed_scene(self.folder / name, settings)
+        scene, budget = changed_scene(self.work, self.folder, name, settings)
         if hash_of(archive_of(scene)) != self.scenes[group]:
             raise FleetError(
                 f"{name}: the scene changed since the work began; use another --out"
             )
         return scene, budget
+
+    def own_settings(self, group: int) -> dict[str, float]:
+        """Settings of a group that are those of the work, by name."""
+        return split_settings(self.work, self.groups[group][1])[1]
 
     def write(self, out: Path) -> None:
         """Write it beside the results."""
@@ -203,6 +220,7 @@ def check_kinds(work: str, job: JobModel, inputs: Sequence[Input]) -> None:
         "audit": ("dataset", "recording", "plan"),
         "verify": ("recording", "plan"),
         "replay": ("recording",),
+        "run": ("random motion", "dataset", "recording", "plan"),
     }[work]
     for one in inputs:
         if one.kind not in known:
@@ -214,45 +232,88 @@ def check_kinds(work: str, job: JobModel, inputs: Sequence[Input]) -> None:
         raise FleetError("a recording is replayed in its own scene; give no scenes")
     if work != "replay" and not job.scenes:
         raise FleetError(f"`{work}` needs a scene; give one or more")
-    if work != "verify":
-        for name in ("following_error", "skew"):
-            if name in job.sweep:
-                raise FleetError(f"sweep: {name} is a setting of `verify` alone")
+    if work != "run" and (job.duration is not None or job.judge is not None):
+        raise FleetError("duration and judge are keys of `run` alone; leave them out")
+    for settings in job.settings():
+        split_settings(work, settings)
 
 
-def changed_scene(path: Path, settings: dict[str, str]) -> tuple[Scene, int]:
-    """A scene with other settings, and the budget of its guards."""
-    changed = change(load_scene(path), BUDGET, split_settings(settings)[0])
+def changed_scene(
+    work: str,
+    folder: Path,
+    name: str,
+    settings: dict[str, str],
+    progress: Callable[[str, int, int], None] | None = None,
+) -> tuple[Scene, int]:
+    """A scene with other settings, and the budget of its guards.
+
+    Args:
+        work: See `Manifest`.
+        folder: The job's folder.
+        name: A file, or a bundled scene where there is no such file.
+        settings: Other settings by name.
+        progress: See `load_scene`.
+    """
+    path = folder / name
+    if name in BUNDLED and not path.exists():
+        path = BUNDLED[name]()
+    scene = load_scene(path, progress=progress)
+    changed = change(scene, BUDGET, split_settings(work, settings)[0])
     return changed.scene, changed.budget
 
 
-def scene_hash(
-    job: JobModel,
-    folder: Path,
-    name: str,
-    setting: int,
-    progress: Callable[[str, int, int], None] | None,
-) -> str:
-    """Hash of a scene with a setting."""
-    scene = load_scene(folder / name, progress=progress)
-    settings = split_settings(job.settings()[setting])[0]
-    return hash_of(archive_of(change(scene, BUDGET, settings).scene))
+def judged_job(job: JobModel, scenes: Sequence[tuple[str, Scene]]) -> JobModel:
+    """A job of closed loops with the name of its judge, one for all of its scenes.
+
+    Args:
+        job: The job.
+        scenes: Its scenes by name, with each setting.
+
+    Raises:
+        SceneError: A scene cannot be simulated.
+        TrajectoryError: The job names Coal, which is missing or lacks a shape.
+    """
+    tables = [compile_scene(scene) for _, scene in scenes]
+    for (name, scene), own in zip(scenes, tables, strict=True):
+        check_scene(name, scene, own)
+    if job.judge == "checker":
+        return job
+    try:
+        for own in tables:
+            CoalWorld(own, exact=True)
+    except TrajectoryError:
+        if job.judge is not None:
+            raise
+        return job.model_copy(update={"judge": "checker"})
+    return job.model_copy(update={"judge": "coal"})
+
+
+def costs(work: str, job: JobModel, inputs: Sequence[Input]) -> list[float]:
+    """About how long each input takes in one scene with one setting [s]."""
+    guarded = " with guard" if work == "audit" and job.guard else ""
+    frame, base = COSTS[work + guarded]
+    if work == "run":
+        base += LOOP_SECOND * (job.duration or RANDOM_DURATION)
+    return [base + frame * one.frames for one in inputs]
+
+
+def part_seconds(work: str, job: JobModel, inputs: Sequence[Input]) -> float:
+    """About how long a part takes [s]."""
+    groups = max(len(job.scenes), 1) * len(job.settings())
+    whole = groups * sum(costs(work, job, inputs))
+    return max(SHARD_SECONDS, 1.1 * whole / MOST_SHARDS)
 
 
 def shard_ends(work: str, job: JobModel, inputs: Sequence[Input]) -> tuple[int, ...]:
     """Item after the last one of each shard."""
-    guarded = " with guard" if work == "audit" and job.guard else ""
-    frame, base = COSTS[work + guarded]
-    costs = [base + frame * one.frames for one in inputs]
-    groups = max(len(job.scenes), 1) * len(job.settings())
-    longest = max(SHARD_SECONDS, 1.1 * groups * sum(costs) / MOST_SHARDS)
+    longest, each = part_seconds(work, job, inputs), costs(work, job, inputs)
     ends, lasted = [], 0.0
-    for k, cost in enumerate(costs):
+    for k, cost in enumerate(each):
         lasted += cost
-        if lasted >= longest or k + 1 == len(costs):
+        if lasted >= longest or k + 1 == len(each):
             ends.append(k + 1)
             lasted = 0.0
-    count = len(inputs)
+    count, groups = len(inputs), max(len(job.scenes), 1) * len(job.settings())
     return tuple(group * count + end for group in range(groups) for end in ends)
 
 

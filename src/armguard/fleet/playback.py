@@ -4,14 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from armguard.fleet.audit import Auditor, rising, speeds_at
-from armguard.fleet.episodes import Frames, frames_of
+from armguard.fleet.audit import Auditor, speeds_at
+from armguard.fleet.episodes import frames_of
+from armguard.fleet.inputs import Input
 from armguard.fleet.job import FleetError
+from armguard.fleet.loops import Loops
 from armguard.fleet.manifest import Manifest
-from armguard.recording.frames import Frame, frame_of
-from armguard.recording.recorded import RecordedGuard
-from armguard.recording.ring import RingReader, RingWriter, in_memory
+from armguard.recording.frames import Frame
+from armguard.recording.recorded import Tape, judged
+from armguard.recording.ring import in_memory
 from armguard.scene import Scene
+from armguard.simulation.judge import rising
 
 # Frames a second of an input without times [Hz].
 RATE = 30.0
@@ -33,30 +36,24 @@ def item_frames(out: Path, item: int) -> tuple[Scene, Iterator[Frame]]:
     if not 0 <= item < manifest.items:
         raise FleetError(f"{out} has results 0 to {manifest.items - 1}, not {item}")
     group, one = manifest.item(item)
+    if manifest.work == "run":
+        loops = Loops(manifest, group)
+        return loops.scene, looped(loops, one)
     scene, budget = manifest.scene(group)
     [frames] = frames_of([one], manifest.job, manifest.folder, scene)
     if isinstance(frames, tuple):
         raise FleetError(frames[1])
-    return scene, judged(Auditor(scene, budget, manifest.job), frames)
-
-
-def judged(auditor: Auditor, frames: Frames) -> Iterator[Frame]:
-    """Frames of one input as a guard judges them."""
+    auditor = Auditor(scene, budget, manifest.job)
     times = rising(frames.times) / (1.0 if frames.timed else RATE)
-    guard = auditor.guard_for(times)
     speeds = None if auditor.fixed else speeds_at(frames.q, times)
+    return scene, judged(auditor.guard_for(times), frames.q, times, speeds)
+
+
+def looped(loops: Loops, one: Input) -> Iterator[Frame]:
+    """Frames of a closed loop."""
     with TemporaryDirectory(dir=in_memory()) as folder:
-        path = Path(folder) / "ring"
-        now = 0.0
-        tape = RecordedGuard(
-            guard, RingWriter(path), monotonic=lambda: now, wall=lambda: now
-        )
-        reader = RingReader(path)
-        for k, (q, now) in enumerate(zip(frames.q, times.tolist(), strict=True)):
-            guard.forget_stops()
-            if speeds is None:
-                tape.step(q, now)
-            else:
-                tape.step(q, now, velocity=speeds[k])
-            for row in reader.unread():
-                yield frame_of(row.copy())
+        tape = Tape(loops.guard, folder)
+        loop, longest = loops.loop(one, tape.guard.filter)
+        for _ in loop.run(longest):
+            tape.now = loop.times[-1]
+            yield from tape.unread()

@@ -23,7 +23,21 @@ OUTLIERS = (
     ("top_speed", "Fastest, in shares of a joint's top speed", ""),
     ("rest_offset", "Leader and follower farthest apart at rest", " rad or m"),
     ("beyond_limits", "Most joints beyond their limits", ""),
+    ("longest_hold", "Arms held longest", " s"),
 )
+
+# What a page says of its figures, by the work.
+REMARKS = {
+    "audit": "It shows what recorded positions come to in the model of the scene. A "
+    "stop counts as needless if no pair came nearer than its buffer in the rest of "
+    "that recording.",
+    "verify": "It shows what plans come to in the model of the scene.",
+    "replay": "It shows what the guard decides about recorded measurements.",
+    "run": "It shows what simulated robots do in the model of the scene: they keep "
+    "their declared figures, unless the job has them break these. A stop counts as "
+    "needless if the desired motion keeps every buffer for another second without the "
+    "guard.",
+}
 
 RESULT = "item, input, episode, scene, setting"
 
@@ -57,7 +71,8 @@ def page(out: Path) -> str:
         "count(*) filter (contacts > 0) as contacts, count(error) as failed, "
         "count(*) filter (len(findings) > 0) as found, sum(frames) as frames, "
         "min(least) as least, count(stop) as stops, "
-        "count(*) filter (needless) as needless from results",
+        "count(*) filter (needless) as needless, any_value(judge) as judge "
+        "from results",
     )
     tables = {
         title: with_command(out, manifest, found)
@@ -69,6 +84,7 @@ def page(out: Path) -> str:
         name=out.name,
         manifest=manifest,
         total=totals,
+        remark=REMARKS[manifest.work],
         summary=summary(manifest, totals),
         kinds=rows(
             out,
@@ -78,7 +94,8 @@ def page(out: Path) -> str:
         groups=rows(
             out,
             "select scene, setting, count(*) as items, count(*) filter (clear) as "
-            "clear, min(least) as least, count(stop) as stops from results "
+            "clear, min(least) as least, count(stop) as stops, "
+            "count(*) filter (needless) as needless, avg(done) as done from results "
             "group by scene, setting order by min(item)",
         ),
         tables=tables,
@@ -129,6 +146,11 @@ def listed(out: Path) -> dict[str, list[dict[str, Any]]]:
             f"order by least, item limit {MOST}",
         ),
         "Needless stops": needless(out),
+        "Least of the motion done": rows(
+            out,
+            f"{shown} format('{{:.0f}} %', 100.0 * done) as what from results "
+            f"where done < 0.95 order by done, item limit {MOST}",
+        ),
     }
     for column, title, unit in OUTLIERS:
         found[title] = rows(
@@ -140,11 +162,12 @@ def listed(out: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def needless(out: Path) -> list[dict[str, Any]]:
-    """Stops after which no pair came too near."""
+    """Needless stops."""
     return rows(
         out,
-        f"select {RESULT}, text as what from findings where kind = 'stop' and item in "
-        f"(select item from results where needless) order by item limit {MOST}",
+        f"select {RESULT}, text as what from findings where kind = 'needless stop' or "
+        "(kind = 'stop' and item in (select item from results where needless and "
+        f"needless_stops is null)) order by item limit {MOST}",
     )
 
 
@@ -168,6 +191,7 @@ def plots(out: Path) -> dict[str, go.Figure]:
         ("plot-least", "least", "least distance of an input [mm]", 1e3),
         ("plot-speed", "top_speed", "greatest speed, in shares of the top speed", 1.0),
         ("plot-offset", "rest_offset", "offset at rest [rad or m]", 1.0),
+        ("plot-done", "done", "share of the motion that was done [%]", 1e2),
     ):
         values = [
             scale * row["value"]

@@ -8,7 +8,7 @@ from statistics import median
 
 from armguard.fleet.engine import Engine
 from armguard.fleet.job import FleetError
-from armguard.fleet.manifest import Manifest, settle
+from armguard.fleet.manifest import Manifest, part_seconds, settle
 from armguard.fleet.store import query
 from armguard.fleet.worker import Receipt, Shard
 
@@ -99,7 +99,9 @@ def shard_of(manifest: Manifest, out: Path, number: int, seconds: list[float]) -
     """A shard and its limits, by the times of those before it."""
     limit = manifest.job.time_limit
     if limit is None:
-        limit = FIRST_LIMIT
         if len(seconds) >= FIRST:
             limit = max(TIMES * median(seconds), LEAST_LIMIT)
+        else:
+            usual = part_seconds(manifest.work, manifest.job, manifest.inputs)
+            limit = max(TIMES * usual, FIRST_LIMIT)
     return Shard(str(out), number, limit, manifest.job.memory, manifest.hash)

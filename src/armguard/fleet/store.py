@@ -39,6 +39,11 @@ COLUMNS = {
     "stop": "DOUBLE",
     "stop_reason": "VARCHAR",
     "needless": "BOOLEAN",
+    "stops": "BIGINT",
+    "needless_stops": "BIGINT",
+    "done": "DOUBLE",
+    "longest_hold": "DOUBLE",
+    "judge": "VARCHAR",
     "error": "VARCHAR",
 }
 FINDING = {

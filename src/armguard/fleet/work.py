@@ -11,7 +11,8 @@ from armguard.errors import ArmguardError
 from armguard.fleet.audit import Auditor
 from armguard.fleet.episodes import frames_of, opened
 from armguard.fleet.inputs import DATASET, Input
-from armguard.fleet.job import FleetError, split_settings
+from armguard.fleet.job import FleetError
+from armguard.fleet.loops import Loops
 from armguard.fleet.manifest import Manifest, code_digest
 from armguard.fleet.result import empty_row, failed_row, finding, item_row
 from armguard.plans.plan import Plan
@@ -62,7 +63,12 @@ class Work:
                 opened(self.manifest.folder / source)
         if group == self._group:
             return
-        makers = {"audit": self._audit, "verify": self._verify, "replay": self._replay}
+        makers = {
+            "audit": self._audit,
+            "verify": self._verify,
+            "replay": self._replay,
+            "run": self._run,
+        }
         self._judge = makers[self.manifest.work](group)
         self._group = group
 
@@ -99,7 +105,7 @@ class Work:
         """Proofs of plans."""
         scene, _ = self.manifest.scene(group)
         job, folder = self.manifest.job, self.manifest.folder
-        errors = split_settings(self.manifest.groups[group][1])[1]
+        errors = self.manifest.own_settings(group)
         verifier = PlanVerifier(scene)
         rows = np.array([scene.home, scene.home + WARM, scene.home])
         warm = Trajectory(scene.q_names, rows, np.array([0.0, 1.0, 2.0]), "warm-up")
@@ -120,6 +126,20 @@ class Work:
                     yield failed_row(one, str(error))
 
         return verify
+
+    def _run(self, group: int) -> Callable[[list[Input]], Rows]:
+        """Closed loops of motions."""
+        loops = Loops(self.manifest, group)
+        loops.warm_up()
+
+        def run(inputs: list[Input]) -> Rows:
+            for one in inputs:
+                try:
+                    yield loops.row(one)
+                except ArmguardError as error:
+                    yield failed_row(one, str(error))
+
+        return run
 
     def _replay(self, group: int) -> Callable[[list[Input]], Rows]:
         """Recordings judged again, the same way or with other settings."""

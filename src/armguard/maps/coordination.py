@@ -1,6 +1,6 @@
 """Maps of cells: plans of two or more robots that share a space."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import inf
@@ -19,6 +19,8 @@ from armguard.maps.ways import crosses, steps_from_start, steps_to_end
 from armguard.plans.plan import Plan
 from armguard.plans.verify import RESOLUTION
 from armguard.prove.paving import NearInterval, Paver
+from armguard.prove.tile_search import FREE, LABEL
+from armguard.prove.tube import Tube
 from armguard.scene import Scene, Trajectory
 from armguard.scene.compile import compile_scene
 from armguard.scene.restricted import WORLD, restricted, riders
@@ -252,12 +254,7 @@ class Coordinator:
         if resolution is None:
             resolution = FINEST * max(float(np.ptp(t.times)) for t in tubes.values())
         segments = {robot: plans[robot].segments() for robot in self._robots}
-        diagrams = [
-            maker.diagram((tubes[a], tubes[b]), resolution)
-            for maker, (a, b) in zip(
-                self._makers, combinations(self._robots, 2), strict=True
-            )
-        ]
+        diagrams = self.diagrams(tubes, resolution)
         alone = {}
         for robot, paver in self._alone.items():
             tube = tubes[robot]
@@ -267,9 +264,34 @@ class Coordinator:
             robots=self._robots,
             plans={robot: plans[robot] for robot in self._robots},
             segments=segments,
-            diagrams=tuple(diagrams),
+            diagrams=diagrams,
             alone=alone,
         )
+
+    def diagrams(
+        self, tubes: Mapping[str, Tube], resolution: float
+    ) -> tuple[Diagram, ...]:
+        """The diagrams of every two robots.
+
+        Args:
+            tubes: What holds the joints of each robot, see `CellPlan.tube`.
+            resolution: See `map` [s].
+        """
+        both = zip(self._makers, combinations(self._robots, 2), strict=True)
+        return tuple(
+            maker.diagram((tubes[a], tubes[b]), resolution) for maker, (a, b) in both
+        )
+
+    def is_clear(self, robot: str, tube: Tube, resolution: float) -> bool:
+        """Whether a robot is proven to keep clear of itself and of the still world.
+
+        Args:
+            robot: The robot.
+            tube: What holds its joints.
+            resolution: Part of it that is not divided further [s].
+        """
+        leaves = self._alone[robot].pave(tube, resolution).leaves
+        return bool((leaves[:, LABEL] == FREE).all())
 
 
 def coordination_map(

@@ -24,6 +24,9 @@ from armguard.scene.schema import (
 )
 from armguard.scene.yaml_source import YamlSource
 
+# A plan has so many alternatives at most; the proofs of each take seconds.
+MOST_ALTERNATIVES = 4
+
 Row = Annotated[int, Field(ge=0)]
 
 
@@ -146,10 +149,12 @@ class LinePlanEntry(PlanEntry):
     Attributes:
         robot: Its robot.
         follows: The part that follows the belt.
+        alternatives: See `LinePlan`.
     """
 
     robot: Name
     follows: TrackEntry | None = None
+    alternatives: Annotated[int, Field(ge=0, le=MOST_ALTERNATIVES)] = 0
 
 
 class ConveyorEntry(Strict):
@@ -230,15 +235,7 @@ def read_line_job(path: Path, progress: Progress | None = None) -> LineJob:
     source = YamlSource(path)
     job = model_of(source, LineJobModel, LinePlanEntry)
     scene = load_scene(path.parent / job.scene, progress=progress)
-    plans = {}
-    for name, entry in job.plans.items():
-        if entry.robot not in scene.robots:
-            near = did_you_mean(entry.robot, scene.robots)
-            keys = ("plans", name, "robot")
-            raise source.problem(keys, f"'{entry.robot}' is no robot; {near}")
-        plan = plan_of(entry.robot, entry, path.parent, scene)
-        track = Track(**entry.follows.model_dump()) if entry.follows else None
-        plans[name] = LinePlan(entry.robot, plan, track)
+    plans = line_plans(source, job, path.parent, scene)
     for k, arrival in enumerate(job.jobs):
         for name in arrival.plans:
             if name not in plans:
@@ -254,3 +251,19 @@ def read_line_job(path: Path, progress: Progress | None = None) -> LineJob:
     cell = LineCell.of(scene, plans, conveyor=belt, floor=job.floor)
     arrivals = tuple(sorted(job.jobs, key=lambda one: one.t))
     return LineJob(scene, cell, speed, arrivals)
+
+
+def line_plans(
+    source: YamlSource, job: LineJobModel, folder: Path, scene: Scene
+) -> dict[str, LinePlan]:
+    """Plans of a cell job for coordination on line, by name."""
+    plans = {}
+    for name, entry in job.plans.items():
+        if entry.robot not in scene.robots:
+            near = did_you_mean(entry.robot, scene.robots)
+            keys = ("plans", name, "robot")
+            raise source.problem(keys, f"'{entry.robot}' is no robot; {near}")
+        plan = plan_of(entry.robot, entry, folder, scene)
+        track = Track(**entry.follows.model_dump()) if entry.follows else None
+        plans[name] = LinePlan(entry.robot, plan, track, entry.alternatives)
+    return plans

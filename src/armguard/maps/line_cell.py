@@ -1,7 +1,8 @@
 """Two robots and the plans that their jobs use, before jobs arrive."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Self
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from armguard.maps.cell_plan import CellPlan, CoordinationError, joints_of
 from armguard.maps.coordination import Coordinator
 from armguard.maps.right_of_way import STEP, Crossing
+from armguard.maps.self_motion import SelfMotion
 from armguard.scene import Scene
 from armguard.scene.tables import SceneTables
 
@@ -32,8 +34,11 @@ GRIP = 0.2
 # Plans of a robot begin and end so near to each other [rad or m].
 JOINED = 1e-3
 
-# Tiles of diagrams are not divided below this [s].
-FINEST = STEP
+# Tiles of diagrams are not divided below this, and those of a robot alone [s].
+FINEST, ALONE = STEP, 0.01
+
+# Joints of an alternative have so much more room to each side [rad or m].
+ROOM = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +74,16 @@ class LinePlan:
         robot: Its robot.
         plan: What that executes.
         track: The part that follows the belt, if there is one.
+        alternatives: How many plans are made at most along which the tool moves the
+            same and the elbow elsewhere; only of a redundant robot.
+        instead_of: Name of the plan that this is an alternative to; empty if none.
     """
 
     robot: str
     plan: CellPlan
     track: Track | None = None
+    alternatives: int = 0
+    instead_of: str = ""
 
     @property
     def begin(self) -> float:
@@ -125,9 +135,10 @@ class LineCell:
 
     Attributes:
         robots: The robots.
-        plans: Plans that jobs use, by name.
+        plans: Plans that jobs use, and their alternatives, by name.
         conveyor: The belt, if there is one.
-        crossings: Of each plan of the first robot and each of the second.
+        crossings: Of each plan of the first robot and each of the second. Two
+            alternatives have none: robots do not both leave their plans at once.
         q_names: Names of all joints of the scene.
     """
 
@@ -136,6 +147,11 @@ class LineCell:
     conveyor: Conveyor | None
     crossings: Mapping[tuple[str, str], Crossing]
     q_names: tuple[str, ...]
+
+    def ways(self, plan: str) -> tuple[str, ...]:
+        """Names of a plan and of its alternatives."""
+        others = (n for n, one in self.plans.items() if one.instead_of == plan)
+        return (plan, *others)
 
     @classmethod
     def of(
@@ -156,8 +172,8 @@ class LineCell:
 
         Raises:
             CoordinationError: There are not two robots, a plan cannot follow the belt,
-                the plans of a robot do not join, or one begins or ends where the other
-                robot passes.
+                the plans of a robot do not join, one begins or ends where the other
+                robot passes, or has no alternative though these are required.
             TrajectoryError: A plan is none of its robot.
         """
         robots = tuple(dict.fromkeys(one.robot for one in plans.values()))
@@ -170,35 +186,74 @@ class LineCell:
         coordinator = Coordinator(scene, robots, floor=floor)
         names = coordinator.tables.q_names
         check_joined(plans, names)
-        own = [[n for n, one in plans.items() if one.robot == r] for r in robots]
-        crossings = {
-            (a, b): crossing_of(coordinator, a, b, plans)
-            for a in own[0]
-            for b in own[1]
+        every = dict(plans)
+        for name in plans:
+            every |= alternatives_of(coordinator, name, plans)
+        own = [[n for n, one in every.items() if one.robot == r] for r in robots]
+        tubes = {
+            name: one.plan.tube(coordinator.tables, one.robot)
+            for name, one in every.items()
         }
-        return cls((robots[0], robots[1]), dict(plans), conveyor, crossings, names)
+        crossings = {}
+        for a, b in product(*own):
+            both = every[a], every[b]
+            if all(one.instead_of for one in both):
+                continue
+            near = {every[name].robot: tubes[name] for name in (a, b)}
+            (diagram,) = coordinator.diagrams(near, FINEST)
+            crossing = Crossing(diagram, [one.reserved for one in both], SPARE)
+            blocked = blocked_end(crossing, a, b)
+            if not blocked:
+                crossings[a, b] = crossing
+            elif not any(one.instead_of for one in both):
+                raise CoordinationError(blocked)
+        return cls((robots[0], robots[1]), every, conveyor, crossings, names)
 
 
-def crossing_of(
-    coordinator: Coordinator, a: str, b: str, plans: Mapping[str, LinePlan]
-) -> Crossing:
-    """The crossing of two plans.
+def alternatives_of(
+    coordinator: Coordinator, name: str, plans: Mapping[str, LinePlan]
+) -> dict[str, LinePlan]:
+    """Alternatives to a plan, by name; none if none are required.
 
     Raises:
-        CoordinationError: One begins or ends where the other robot passes.
+        CoordinationError: The robot is not redundant, or none is proven to keep clear
+            of the robot itself and of the still world.
     """
-    both = plans[a], plans[b]
-    cell = coordinator.map({one.robot: one.plan for one in both}, resolution=FINEST)
-    crossing = Crossing(cell.diagrams[0], [one.reserved for one in both], SPARE)
+    one, found = plans[name], dict[str, LinePlan]()
+    if not one.alternatives:
+        return found
+    tables, given = coordinator.tables, one.plan.plan
+    for tube in SelfMotion(tables, one.robot, given.tube).tubes():
+        label = f"{name}, alternative {len(found) + 1}"
+        plan = replace(given, source=label, tube=tube, interpolation="cubic")
+        cell_plan = replace(one.plan, plan=plan, names={})
+        # With room, so that the guard need not slow down the elbow.
+        wide = cell_plan.tube(tables, one.robot).widened(np.array(ROOM))
+        if not coordinator.is_clear(one.robot, wide, ALONE):
+            continue
+        found[label] = replace(one, plan=cell_plan, alternatives=0, instead_of=name)
+        if len(found) == one.alternatives:
+            break
+    if not found or found.keys() & plans.keys():
+        raise CoordinationError(
+            f"plan '{name}' has no alternative: joint limits, links of the robot or "
+            "the still world leave no room for its elbow, or a plan is named so; "
+            "leave out its `alternatives`"
+        )
+    return found
+
+
+def blocked_end(crossing: Crossing, a: str, b: str) -> str:
+    """Which of two plans begins or ends where the other robot passes; empty if none."""
     for axis, (name, other) in enumerate(((a, b), (b, a))):
         grid = crossing.blocked if axis == 0 else crossing.blocked.T
         for end, where in ((0, "begins"), (-1, "ends")):
             if grid[end].any():
-                raise CoordinationError(
+                return (
                     f"plan '{name}' {where} where plan '{other}' passes; let it "
                     f"{where.removesuffix('s')} clear of the other robot"
                 )
-    return crossing
+    return ""
 
 
 def check_tracks(plans: Mapping[str, LinePlan], conveyor: Conveyor | None) -> None:

@@ -1,36 +1,32 @@
 """Coordination on line: two robots execute plans as jobs arrive, some at a conveyor.
 
 Each cycle decides how far each robot goes on its plan. A robot keeps to the pace of its
-plan, or less. One that has to wait for the other slows down in time; it does not leave
-its path. In the part of a plan that follows the belt, the place on the plan is that of
-the item on the belt, so no robot has to wait there.
+plan, or less. One that has to wait for the other slows down in time. Where an
+alternative to its plan saves a wait, a redundant robot begins that instead: its tool
+keeps the path, its elbow does not. In the part of a plan that follows the belt, the
+place on the plan is that of the item on the belt, so no robot has to wait there.
 """
 
 from collections import deque
-from math import ceil, inf, isfinite
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import did_you_mean
 from armguard.maps.cell_plan import CoordinationError, joints_of
-from armguard.maps.lane import Lane, curve_at, pace_before
+from armguard.maps.lane import SAME, Lane, Lanes, Way, curve_at, pace_before
 from armguard.maps.line_cell import GRIP, RATE, Job, LineCell
-from armguard.maps.right_of_way import STEP, Hold, Order
+from armguard.maps.right_of_way import STEP, Order
 
 Floats = NDArray[np.float64]
 
 # An item is picked if the tool is so near to its place [m].
 NEAR = 0.005
 
-# Time between two looks for another order, and what that has to save [s].
+# Time between two looks for another order, and what that, or an alternative to a plan,
+# has to save [s].
 LOOKS, GAIN = 0.25, 0.5
-
-# A robot comes so much before an item [s].
-EARLY = 0.3
-
-# Paces that differ by less are the same [-].
-SAME = 1e-3
 
 
 class Line:
@@ -56,16 +52,19 @@ class Line:
         self.cell, self.plans, self.conveyor = cell, cell.plans, cell.conveyor
         self._durations = {n: one.plan.plan.duration for n, one in self.plans.items()}
         self._own = [joints_of(cell.q_names, robot) for robot in cell.robots]
+        # A plan and its alternatives.
+        self._same = {name: cell.ways(name) for name in self.plans}
         first = next(iter(cell.crossings))
         # Robots rest where their plans begin and end; no way leads from there.
         self.lanes = (
             Lane(cell.robots[0], first[0], self._durations[first[0]]),
             Lane(cell.robots[1], first[1], self._durations[first[1]]),
         )
+        self._both = Lanes(cell, self.lanes)
         tube = self.plans[first[0]].plan.plan.tube
         self._home = tube.at(tube.times[:1])[0]
         self.queue: deque[Job] = deque()
-        self._gain, self._dt, self._speed, self._travel = gain, 0.0, 0.0, 0.0
+        self._gain, self._dt, self._speed = gain, 0.0, 0.0
         self._now, self._look, self._turn = -inf, -inf, 0
         self.finished: dict[int, float] = {}
         self.missed: list[int] = []
@@ -159,7 +158,7 @@ class Line:
         if belt and not isfinite(travel):
             self.stop(f"the conveyor is at {travel:g} m; measure it")
         if not self.fault:
-            self._travel, self._speed = travel, speed
+            self._both.travel, self._speed = travel, speed
 
     def stop(self, why: str) -> None:
         """Let both robots slow down and stop, for good.
@@ -171,48 +170,76 @@ class Line:
             self.fault = why
             self.events.append(f"both stop: {why}")
 
-    def _item(self, lane: Lane) -> float | None:
-        """Place on a robot's plan at which its item is now; None without an item."""
-        job, track = lane.job, self.plans[lane.plan].track
-        if job is None or track is None or lane.lost:
-            return None
-        on_belt = job.offset + self._travel - job.travel
-        start = track.start - self.plans[lane.plan].begin
-        return start + (on_belt - track.at) / track.speed
-
     def _begin(self) -> None:
-        """Begin a job with the first plan that comes in time; a cycle tries one."""
+        """Begin a job with the first plan that comes in time; a cycle tries one way.
+
+        Of a plan with alternatives the way that saves enough is begun.
+        """
         self._drop_passed()
         for k, lane in enumerate(self.lanes):
             if lane.job is not None or self._now < lane.tries_at:
                 continue
-            # The job that is under way goes first where both arrive together.
-            ways = [
-                (job, name, first)
-                for job in self.queue
-                for name in job.plans
-                if self.plans[name].robot == lane.robot
-                for first in (1 - k, k)
-            ]
-            if lane.tried >= len(ways):
+            ways = self._ways(k)
+            left, best = ways[lane.tried :], lane.best
+            compared = best and (not left or left[0][:2] != best[0][:2])
+            if not left and not compared:
                 lane.tried, lane.tries_at = 0, self._now + LOOKS
                 continue
-            before = lane.plan, lane.place
-            job, name, first = ways[lane.tried]
-            lane.job, lane.plan, lane.place = job, name, 0.0
-            lane.lost, lane.apart = False, 0.0
-            found = self._order(first)
-            # In a tight order both may yield, unless the other one rests.
-            tight = found is not None and found.tight and self.lanes[1 - k].job
-            if found is None or tight or not self._in_time(found):
-                lane.job, (lane.plan, lane.place) = None, before
+            way = best[0] if best and compared else left[0]
+            found = self._tried(k, way)
+            if compared:
+                lane.best = None
+            else:
                 lane.tried += 1
+            if found is None:
                 return
-            self.queue.remove(job)
+            order, cost = found
+            if not compared and len(self._same[way.plan]) > 1:
+                saves = best is None or cost < best[1] - self._gain
+                if saves:
+                    lane.best = way, cost
+                if not saves or cost > self._gain:
+                    return
+            self._put(lane, way)
+            self.queue.remove(way.job)
             # The order so far is that of another plan.
-            self.order, self._look, lane.tried = found, self._now + LOOKS, 0
-            self.events.append(f"{lane.robot} begins job {job.number}, {name}")
+            self.order, self._look = order, self._now + LOOKS
+            lane.tried, lane.best = 0, None
+            self.events.append(f"{lane.robot} begins job {way.job.number}, {way.name}")
             return
+
+    def _ways(self, k: int) -> list[Way]:
+        """Ways in which a robot may begin a job, in the order of trial."""
+        # The job that is under way goes first where both arrive together.
+        return [
+            Way(job, plan, name, first)
+            for job in self.queue
+            for plan in job.plans
+            if self.plans[plan].robot == self.lanes[k].robot
+            for name in self._same[plan]
+            for first in (1 - k, k)
+        ]
+
+    def _put(self, lane: Lane, way: Way) -> None:
+        """Let a robot be at the start of a way."""
+        lane.job, lane.plan, lane.place = way.job, way.name, 0.0
+        lane.lost, lane.apart = False, 0.0
+
+    def _tried(self, k: int, way: Way) -> tuple[Order, float] | None:
+        """Order of a way that comes in time, and its cost [s]; the robot stays."""
+        if way.job not in self.queue:
+            return None
+        lane = self.lanes[k]
+        before = lane.plan, lane.place
+        self._put(lane, way)
+        order = self._order(way.first)
+        # In a tight order both may yield, unless the other one rests.
+        tight = order is not None and order.tight and self.lanes[1 - k].job
+        found = None
+        if order is not None and not tight and self._both.in_time(order):
+            found = order, self._both.cost(order)
+        lane.job, (lane.plan, lane.place) = None, before
+        return found
 
     def _drop_passed(self) -> None:
         """Drop a job whose item no robot can catch any more."""
@@ -223,107 +250,29 @@ class Line:
                 for track in (self.plans[name].track for name in job.plans)
                 if track is not None and belt is not None
             ]
-            on_belt = job.offset + self._travel - job.travel
+            on_belt = job.offset + self._both.travel - job.travel
             if len(ends) == len(job.plans) and on_belt > max(ends):
                 self.queue.remove(job)
                 self.missed.append(job.number)
                 self.events.append(f"no robot reaches the item of job {job.number}")
 
-    def _in_time(self, order: Order) -> bool:
-        """Whether both robots catch their items."""
-        return all(self._comes_in_time(k, order) for k in (0, 1))
-
-    def _comes_in_time(self, k: int, order: Order | None) -> bool:
-        """Whether a robot catches its item, this as fast as it may be.
-
-        Args:
-            k: The robot, 0 or 1.
-            order: Which robot waits where for which; None without the other robot.
-        """
-        lane = self.lanes[k]
-        item, belt, one = self._item(lane), self.conveyor, self.plans[lane.plan]
-        if item is None or belt is None or one.track is None or one.reserved is None:
-            return True
-        nodes, goal = self._nodes(), ceil(one.reserved[0] / STEP - SAME)
-        if nodes[k] > goal:
-            return True
-        steps = goal - nodes[k]
-        if order is not None:
-            goals = [len(needs) for needs in order.needs]
-            # It has to be let into the part in which it cannot wait.
-            goals[k] = goal + 1
-            # The other robot's item may be as slow as it can be.
-            holds = [self._hold(one, belt.slowest) for one in self.lanes]
-            holds[k] = self._hold(lane, belt.fastest)
-            ends = goals[0], goals[1]
-            steps = order.steps(nodes, (holds[0], holds[1]), ends)[k] - 1
-            steps -= holds[k][2]
-        comes = item + STEP * steps * belt.fastest / one.track.speed
-        return comes <= one.reserved[0] + one.track.lag(belt.fastest)
-
     def _look_again(self) -> None:
         """Take up another order if that saves enough and no robot yields now."""
         if self._gain > 0.0 and any(lane.yields for lane in self.lanes):
             return
-        cost = self._cost(self.order)
+        cost = self._both.cost(self.order)
         if cost <= self._gain:
             return
         self._turn = 1 - self._turn
         found = self._order(self._turn)
-        saves = cost - self._cost(found) if found and not found.tight else 0.0
-        if found and saves > self._gain and self._in_time(found):
+        saves = cost - self._both.cost(found) if found and not found.tight else 0.0
+        if found and saves > self._gain and self._both.in_time(found):
             self.order = found
             self.events.append(f"another order, which saves {saves:.1f} s")
 
     def _order(self, first: int) -> Order | None:
         """The order in which one robot goes first where both arrive together."""
-        a, b = self.lanes
-        crossing = self.cell.crossings[a.plan, b.plan]
-        return crossing.order(self._nodes(), self._holds(), first)
-
-    def _cost(self, order: Order) -> float:
-        """What an order costs: delays of robots, by priority [s]."""
-        weights = [self.plans[lane.plan].plan.priority for lane in self.lanes]
-        delays = order.delays(self._nodes(), self._holds())
-        return sum(
-            delay * (1 + weight - min(weights))
-            for delay, weight in zip(delays, weights, strict=True)
-        )
-
-    def _nodes(self) -> tuple[int, int]:
-        """Nodes at which both robots can stop."""
-        a, b = self.lanes
-        k, m = self.cell.crossings[a.plan, b.plan].blocked.shape
-        return min(self._node(a), k), min(self._node(b), m)
-
-    def _holds(self) -> tuple[Hold, Hold]:
-        """What keeps each robot back by its item, this as fast as it may be."""
-        a, b = self.lanes
-        speed = self.conveyor.fastest if self.conveyor else 0.0
-        return self._hold(a, speed), self._hold(b, speed)
-
-    def _node(self, lane: Lane) -> int:
-        """Node at which a robot can stop; past the part in which it cannot wait."""
-        reserved = self.plans[lane.plan].reserved
-        stop = lane.stop
-        if reserved is not None and reserved[0] < stop <= reserved[1]:
-            stop = reserved[1]
-        return ceil(stop / STEP - SAME)
-
-    def _hold(self, lane: Lane, speed: float) -> Hold:
-        """What keeps a robot back by its item, at a speed of the belt."""
-        item = self._item(lane)
-        reserved, track = self.plans[lane.plan].reserved, self.plans[lane.plan].track
-        if item is None or reserved is None or track is None:
-            return 0, 0, 0
-        pace = speed / track.speed
-        if lane.stop > reserved[0]:
-            left = max(reserved[1] - lane.place, 0.0)
-            return ceil(left / pace / STEP), 0, 0
-        comes = (reserved[0] - item) / pace - (reserved[0] - lane.place)
-        slower = (reserved[1] - reserved[0]) * (1.0 / pace - 1.0)
-        node = ceil(reserved[0] / STEP - SAME)
-        return max(int((comes - EARLY) / STEP), 0), node, ceil(slower / STEP)
+        return self._both.order(first)
 
     def _advance(self, k: int, lane: Lane, other: float, dt: float) -> None:
         """Let a robot go on for a cycle."""
@@ -332,7 +281,7 @@ class Line:
         if lane.job is None or self.fault:
             lane.pace = least if lane.job else 0.0
             lane.place = min(lane.place + lane.pace * dt, end)
-            lane.yields = False
+            lane.yields, lane.yielded = False, None
             return
         most = min(lane.pace + RATE * dt, 1.0)
         alone = min(self._alone(lane, dt), pace_before(end - lane.place, dt))
@@ -341,11 +290,10 @@ class Line:
         pace = max(min(alone, held, most), least)
         wanted = min(alone, 1.0)
         bound = held < min(alone, most) - SAME
-        yields = bound or (lane.yields and pace < wanted - SAME)
-        if yields != lane.yields:
-            what = "yields to" if yields else "goes on after"
-            self.events.append(f"{lane.robot} {what} {self.lanes[1 - k].robot}")
-        lane.yields, lane.pace = yields, pace
+        lane.yields = bound or (lane.yields and pace < wanted - SAME)
+        lane.pace = pace
+        says = lane.report(self._now, self.lanes[1 - k].robot)
+        self.events += [says] if says else []
         lane.place = min(lane.place + pace * dt, end)
         self._grip(lane, dt)
         if end - lane.place < SAME * STEP:
@@ -353,13 +301,13 @@ class Line:
 
     def _alone(self, lane: Lane, dt: float) -> float:
         """Pace of a robot without the other one, by its item [-]."""
-        item, belt, one = self._item(lane), self.conveyor, self.plans[lane.plan]
+        item, belt, one = self._both.item(lane), self.conveyor, self.plans[lane.plan]
         if item is None or belt is None or one.track is None or one.reserved is None:
             return 1.0
         if lane.place >= one.track.end - one.begin:
             return 1.0
         start = one.reserved[0]
-        if lane.place == 0.0 and self._hold(lane, belt.fastest)[0] > 0:
+        if lane.place == 0.0 and self._both.hold(lane, belt.fastest)[0] > 0:
             # It rests clear of the other robot as long as it can.
             return 0.0
         if lane.place <= start:
@@ -374,7 +322,7 @@ class Line:
 
     def _grip(self, lane: Lane, dt: float) -> None:
         """Note how far the tool is from the item while it grips it."""
-        item, one = self._item(lane), self.plans[lane.plan]
+        item, one = self._both.item(lane), self.plans[lane.plan]
         if item is None or one.track is None:
             return
         left = one.track.end - one.begin - lane.place
@@ -396,4 +344,7 @@ class Line:
         assert lane.job is not None
         self.finished[lane.job.number] = lane.apart
         self.events.append(f"{lane.robot} has done job {lane.job.number}")
-        lane.place, lane.pace, lane.job, lane.yields = end, 0.0, None, False
+        lane.place, lane.pace, lane.job = end, 0.0, None
+        lane.yields, lane.yielded = False, None
+        # Alternatives end where their plan does.
+        lane.plan = self.plans[lane.plan].instead_of or lane.plan

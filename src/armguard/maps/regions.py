@@ -22,7 +22,7 @@ from armguard.cells.occupied import (
 from armguard.geometry.bounds import row_bounds
 from armguard.maps.cell_plan import CoordinationError
 from armguard.motion.chains import chains
-from armguard.plans.recheck import bodies_above
+from armguard.plans.coal_world import bodies_above
 from armguard.prove.paving import boxes_of
 from armguard.prove.tube import Tube, tube_table
 from armguard.robot.kinematics import PRISMATIC

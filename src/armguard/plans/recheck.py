@@ -5,7 +5,6 @@ is: over a part of a tile no point moves farther than its joints can move, times
 it can ever be from their axes. Where that does not suffice the part is halved.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import comb
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.plans.certificate import Certificate, CertificateError, scene_hash
-from armguard.plans.coal_world import CoalWorld
+from armguard.plans.coal_world import CoalWorld, checked_pairs, shared_joints
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -83,17 +82,7 @@ class Judge:
     def __init__(self, certificate: Certificate, tables: SceneTables) -> None:
         self._c, self._world = certificate, CoalWorld(tables)
         self.measured = 0
-        coarse = {part.coarse for part in tables.holds.grippers}
-        count, groups = len(tables.kinds), tables.groups
-        self._pairs = np.array(
-            [
-                (i, j)
-                for i in range(tables.moving_count)
-                for j in range(i + 1, count)
-                if tables.checked[groups[i], groups[j]]
-                and not coarse & {tables.body_names[i], tables.body_names[j]}
-            ]
-        ).reshape(-1, 2)
+        self._pairs, groups = checked_pairs(tables), tables.groups
         a, b = self._pairs.T
         self._buffers = tables.buffers[groups[a], groups[b]]
         names = [certificate.links.index(name) for name in tables.body_names]
@@ -220,27 +209,3 @@ def gap_of(parts: Floats, low: float, high: float) -> bool:
             return True
         at = max(at, end)
     return not at >= high
-
-
-def shared_joints(tables: SceneTables) -> NDArray[np.bool_]:
-    """Joints that carry both of two primitives alike, shape (p, p, n)."""
-    count, joints = len(tables.kinds), len(tables.q_names)
-    above = [set(bodies_above(tables, int(body))) for body in tables.bodies]
-    found = np.zeros((count, count, joints), dtype=bool)
-    for i in range(tables.moving_count):
-        for j in range(count):
-            both, one = above[i] & above[j], above[i] ^ above[j]
-            for body in both:
-                found[i, j, tables.q_index[body]] = True
-            for body in one:
-                # It also moves one of them alone, by another body that follows it.
-                found[i, j, tables.q_index[body]] = False
-    return found
-
-
-def bodies_above(tables: SceneTables, body: int) -> Iterator[int]:
-    """Bodies with a joint from a body to the root."""
-    while body >= 0:
-        if tables.joint_kind[body] != 0:
-            yield body
-        body = int(tables.parent[body])

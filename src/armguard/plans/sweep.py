@@ -8,32 +8,31 @@ axis. The hull of the primitive at all ends of steps, grown by that chord error,
 all of it; the piece is cut out by planes around that hull. Parts are halved until the
 chord error of the whole part, sixteen times that of a step, is small enough. A width of
 the tube, that is a following error and skew, is added to the growth.
+
+In the frame of a link the joints of both carry a point: those of its own link, and in
+reverse order those of the other one. Joints that carry both do not count.
 """
 
 import ctypes
 from collections.abc import Container, Iterable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import TrajectoryError
-from armguard.geometry.convex_hull import convex_hull, mesh_library
-from armguard.geometry.shapes import ShapeKind
-from armguard.plans.recheck import bodies_above
+from armguard.geometry.convex_hull import convex_hull
+from armguard.geometry.proximity import measure_all
+from armguard.geometry.shapes import Hull, ShapeKind, shape_row
+from armguard.geometry.witness import WITNESS_WIDTH
+from armguard.plans.coal_world import bodies_above
+from armguard.plans.pieces import Piece
 from armguard.prove.tube import Tube
 from armguard.robot.kinematics import PRISMATIC
 from armguard.scene.poses import body_poses
-from armguard.scene.tables import SceneTables
+from armguard.scene.tables import LinkFrame, SceneTables
 
 Floats = NDArray[np.float64]
-
-# Kinds of files.
-FORMATS = ("glb", "stl", "ply")
 
 # First parts turn at most this much in all, and none is halved more often [rad or m].
 TURN, HALVINGS = 0.3, 30
@@ -60,52 +59,13 @@ CORNERS = {ShapeKind.SPHERE: 1, ShapeKind.CAPSULE: 2, ShapeKind.TRIANGLE: 3}
 FACES = 24
 
 
-@dataclass(frozen=True)
-class Piece:
-    """A convex piece of a swept volume: all x with normals · x <= heights.
-
-    Attributes:
-        link: 'robot/link'.
-        start: When the part begins that it holds the link's primitive in [s].
-        end: When that ends [s].
-        inside: A point within, shape (3,) [m].
-        normals: Unit normals of its planes, shape (k, 3).
-        heights: Their heights, shape (k,) [m].
-    """
-
-    link: str
-    start: float
-    end: float
-    inside: Floats
-    normals: Floats
-    heights: Floats
-
-    def contains(self, points: Floats) -> NDArray[np.bool_]:
-        """Whether points are within, shape (n,).
-
-        Args:
-            points: Shape (n, 3) [m].
-        """
-        return np.asarray((points @ self.normals.T <= self.heights).all(axis=1))
-
-    @cached_property
-    def corners(self) -> Floats:
-        """Its corners, shape (m, 3) [m].
-
-        Raises:
-            ModelError: SciPy is not installed.
-        """
-        planes = np.column_stack((self.normals, -self.heights))
-        cut = mesh_library("scipy.spatial").HalfspaceIntersection(planes, self.inside)
-        return np.asarray(cut.intersections, dtype=np.float64)
-
-
 def sweep(
     tube: Tube,
     tables: SceneTables,
     *,
     tolerance: float = 0.005,
     links: Container[str] | None = None,
+    relative_to: str | None = None,
 ) -> Iterator[Piece]:
     """Pieces that together hold all that moving links pass through.
 
@@ -115,6 +75,7 @@ def sweep(
         tolerance: How far pieces may reach beyond what they hold, about, without the
             width of the tube [m].
         links: 'robot/link' of those that are swept; all if left out.
+        relative_to: 'robot/link' in whose frame the pieces are; the world if left out.
 
     Raises:
         TrajectoryError: The tolerance is not above 0, or a link has a shape that only
@@ -122,9 +83,10 @@ def sweep(
     """
     if not tolerance > 0.0:
         raise TrajectoryError(f"the tolerance is {tolerance}; it must be > 0")
+    frame = None if relative_to is None else tables.links[relative_to]
     coarse_grippers = {part.coarse for part in tables.holds.grippers}
     chosen = [
-        Swept(i, tables)
+        Swept(i, tables, frame)
         for i in range(tables.moving_count)
         if tables.robot_of_primitive[i] >= 0
         and tables.body_names[i] not in coarse_grippers
@@ -135,7 +97,7 @@ def sweep(
     waiting = [(int(s), a, b, chosen, 0) for s, a, b in tube.tiles(TURN)[::-1]]
     while waiting:
         segment, low, high, own, halved = waiting.pop()
-        part = Part(tube, segment, low, high, tables)
+        part = Part(tube, (segment, low, high), tables, frame)
         coarse = []
         for one in own:
             chord, wide = part.errors(one)
@@ -155,7 +117,8 @@ class Swept:
     Attributes:
         link: 'robot/link'.
         body: The body.
-        joints: Bodies with a joint that carry it, its own first.
+        joints: Bodies with a joint that carry it, its own first; then those that carry
+            the frame, its own last.
         centre: Middle of a ball that holds it, shape (3,) [m].
         reach: Radius of that ball [m].
         faces: Normals of its flat faces, shape (f, 3).
@@ -163,12 +126,15 @@ class Swept:
     Args:
         primitive: Its number.
         tables: The scene.
+        frame: The frame that it is swept in; the world if left out.
 
     Raises:
         TrajectoryError: Only a function knows how far it reaches.
     """
 
-    def __init__(self, primitive: int, tables: SceneTables) -> None:
+    def __init__(
+        self, primitive: int, tables: SceneTables, frame: LinkFrame | None = None
+    ) -> None:
         self.link = tables.body_names[primitive]
         self.body = int(tables.bodies[primitive])
         self._kind = ShapeKind(int(tables.kinds[primitive]))
@@ -178,7 +144,10 @@ class Swept:
                 f"{self.link} has a shape that only a function describes; there is no "
                 "sweep of it"
             )
-        self.joints = list(bodies_above(tables, self.body))
+        own = list(bodies_above(tables, self.body))
+        other = [] if frame is None else list(bodies_above(tables, frame.body))
+        self.joints = [body for body in own if body not in other]
+        self.joints += [body for body in reversed(other) if body not in own]
         axes = np.concatenate((np.eye(3), -np.eye(3)))
         upper, lower = np.split(self.heights(axes), 2)
         self.centre = 0.5 * (upper - lower)
@@ -188,6 +157,23 @@ class Swept:
     def heights(self, d: Floats) -> Floats:
         """How far it reaches along directions in the frame of its body, (k,) [m]."""
         return reach_along(self._kind, self._row, d)
+
+    def meets(self, piece: Piece, T: Floats) -> bool:
+        """Whether it may have a point in common with a piece.
+
+        Args:
+            piece: The piece.
+            T: Frame of its body in that of the piece, shape (4, 4).
+        """
+        R, p = T[:3, :3], T[:3, 3]
+        least = piece.normals @ p - self.heights(-piece.normals @ R)
+        if (least > piece.heights).any():
+            return False
+        hull, found = Hull(points=piece.corners), np.zeros((1, WITNESS_WIDTH))
+        own, own_frame = (int(self._kind), self._row), T[:3].reshape(1, 12)
+        other, world = (int(hull.kind), shape_row(hull)), np.eye(4)[:3].reshape(1, 12)
+        measure_all(*own, own_frame, *other, world, found)
+        return not found[0, 0] > ROUNDING
 
     def _faces(self) -> Floats:
         """See `faces`."""
@@ -211,16 +197,20 @@ class Part:
 
     Args:
         tube: The tube.
-        segment: The segment.
-        low: Share of it where the part begins [-].
-        high: Share where it ends [-].
+        place: The segment, and the shares of it where the part begins and ends [-].
         tables: The scene.
+        frame: The frame that pieces are in; the world if left out.
     """
 
     def __init__(
-        self, tube: Tube, segment: int, low: float, high: float, tables: SceneTables
+        self,
+        tube: Tube,
+        place: tuple[int, float, float],
+        tables: SceneTables,
+        frame: LinkFrame | None = None,
     ) -> None:
         self._tables = tables
+        segment, low, high = place
         shares = np.linspace(low, high, STEPS + 1)
         steps = [part_of(tube.control[segment], a, b) for a, b in pairwise(shares)]
         # The longest way and bow of each joint in any step.
@@ -240,6 +230,12 @@ class Part:
         places = [step[0] for step in steps] + [steps[-1][-1]]
         poses = [body_poses(tables, q).reshape(-1, 3, 4) for q in places]
         self._ends = np.array(poses)
+        # The frame at each end, that is the rotation and the origin.
+        self._R, self._p = np.eye(3)[None], np.zeros((1, 3))
+        if frame is not None:
+            at, T = self._ends[:, frame.body], frame.T_body_link
+            self._R = at[:, :, :3] @ T[:3, :3]
+            self._p = at[:, :, :3] @ T[:3, 3] + at[:, :, 3]
 
     def errors(self, one: Swept) -> tuple[float, float]:
         """How far its points may leave chords of steps, and what a width adds [m]."""
@@ -276,13 +272,15 @@ class Part:
             growth: How far its points may leave their chords [m].
             directions: Normals of planes around it, shape (k, 3).
         """
-        R, p = self._ends[:, one.body, :, :3], self._ends[:, one.body, :, 3]
+        back = self._R.transpose(0, 2, 1)
+        R = back @ self._ends[:, one.body, :, :3]
+        p = np.einsum("kij,kj->ki", back, self._ends[:, one.body, :, 3] - self._p)
         flat = (one.faces @ R[k].T for k in (0, STEPS // 2, STEPS))
         normals = np.concatenate((directions, *flat))
         each = (one.heights(normals @ R[k]) + normals @ p[k] for k in range(STEPS + 1))
         heights = np.max(list(each), axis=0)
         start, end = map(float, self._times)
-        inside = self._middles(one).mean(axis=0)
+        inside = (R @ one.centre + p).mean(axis=0)
         return Piece(one.link, start, end, inside, normals, heights + growth)
 
     def _middles(self, one: Swept) -> Floats:
@@ -291,29 +289,27 @@ class Part:
         return np.asarray(at[:, :, :3] @ one.centre + at[:, :, 3])
 
 
-def write_pieces(pieces: Iterable[Piece], path: Path) -> None:
-    """Write a mesh of each link, which is all of its pieces: GLB, STL or PLY.
+def meeting(pieces: Iterable[Piece], link: str, tables: SceneTables) -> list[Piece]:
+    """The pieces of a sweep relative to a link that the link itself may meet.
 
-    A GLB file has a node for each link. Pieces overlap where they follow one another.
+    Args:
+        pieces: Pieces in the frame of the link.
+        link: 'robot/link'.
+        tables: The scene.
 
     Raises:
-        TrajectoryError: The file is of another kind.
-        ModelError: trimesh is not installed.
+        TrajectoryError: The link has no shape, or one that only a function describes.
     """
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in FORMATS:
-        raise TrajectoryError(
-            f"'{path.name}' is no {', '.join(FORMATS)}; give a file of such a kind"
-        )
-    trimesh = mesh_library("trimesh")
-    by_link: dict[str, list[Any]] = {}
-    for piece in pieces:
-        mesh = trimesh.convex.convex_hull(piece.corners)
-        by_link.setdefault(piece.link, []).append(mesh)
-    meshes = {link: trimesh.util.concatenate(own) for link, own in by_link.items()}
-    made = trimesh.Scene(meshes)
-    whole = made if kind == "glb" else made.to_mesh()
-    path.write_bytes(whole.export(file_type=kind))
+    own = [Swept(i, tables) for i, name in enumerate(tables.body_names) if name == link]
+    if not own:
+        raise TrajectoryError(f"{link} has no shape that a sweep could meet")
+    frame = tables.links[link]
+    # Rows of a link that never moves are in the world.
+    T = np.eye(4)
+    if own[0].body < 0:
+        T[:3] = body_poses(tables, tables.home)[frame.body].reshape(3, 4)
+    T = np.ascontiguousarray(np.linalg.inv(T @ frame.T_body_link))
+    return [piece for piece in pieces if any(one.meets(piece, T) for one in own)]
 
 
 def part_of(control: Floats, low: float, high: float) -> Floats:

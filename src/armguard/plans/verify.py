@@ -1,6 +1,6 @@
 """Proofs over whole plans in a scene."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from math import inf
 from pathlib import Path
 
@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike
 from armguard.batch.checker import Checker
 from armguard.errors import TrajectoryError, UnknownNameError, did_you_mean
 from armguard.plans.certificate import Certificate, scene_hash
+from armguard.plans.pieces import Piece
 from armguard.plans.plan import ByName, Plan, figures_by_joint
 from armguard.plans.proof import PlanProof
 from armguard.plans.splines import Interpolation
 from armguard.plans.stop_order import stop_order
-from armguard.plans.sweep import Piece, sweep
+from armguard.plans.sweep import meeting, sweep
 from armguard.prove.paving import NearInterval, Paver
 from armguard.prove.tile_search import LABEL, LOWER, PAIR, PLACE
 from armguard.prove.tube import Tube
@@ -154,6 +155,7 @@ class PlanVerifier:
         skew: ByName = 0.0,
         tolerance: float = 0.005,
         links: Collection[str] | None = None,
+        relative_to: str | None = None,
     ) -> list[Piece]:
         """Convex pieces that together hold all that links pass through.
 
@@ -163,7 +165,9 @@ class PlanVerifier:
             skew: See `verify` [s].
             tolerance: How far pieces may reach beyond that, about; less makes more of
                 them [m].
-            links: 'robot/link' of those that are swept; all if left out.
+            links: 'robot/link' of those that are swept; all that move if left out.
+            relative_to: 'robot/link' in whose frame they are swept; the world if left
+                out. By default only links that are checked against it are swept then.
 
         Raises:
             TrajectoryError: A figure is no such figure, or a name is unknown.
@@ -171,12 +175,52 @@ class PlanVerifier:
         """
         tables = self.checker.tables
         for link in links or ():
-            if link not in tables.links:
-                raise UnknownNameError(
-                    f"no link is named '{link}'; {did_you_mean(link, tables.links)}"
-                )
+            self._check_link(link)
+        if relative_to is not None:
+            self._check_link(relative_to)
+            links = self._checked_against(relative_to) if links is None else links
         tube = plan.widened(self.scene, following_error, skew)
-        return list(sweep(tube, tables, tolerance=tolerance, links=links))
+        found = sweep(
+            tube, tables, tolerance=tolerance, links=links, relative_to=relative_to
+        )
+        return list(found)
+
+    def meeting(self, pieces: Iterable[Piece], link: str) -> list[Piece]:
+        """The pieces of a sweep relative to a link that the link may meet.
+
+        A swept link that no piece of has a point in common with this one never touches
+        it, even where both pass the same place at different times.
+
+        Args:
+            pieces: Pieces in the frame of the link, see `sweep`.
+            link: 'robot/link'.
+
+        Raises:
+            TrajectoryError: The link has no shape, or one that only a function
+                describes.
+            UnknownNameError: It is none of a robot in the scene.
+        """
+        self._check_link(link)
+        return meeting(pieces, link, self.checker.tables)
+
+    def _check_link(self, link: str) -> None:
+        """Refuse a name that is no link's."""
+        links = self.checker.tables.links
+        if link not in links:
+            raise UnknownNameError(
+                f"no link is named '{link}'; {did_you_mean(link, links)}"
+            )
+
+    def _checked_against(self, link: str) -> set[str]:
+        """Links and objects that are checked against a link."""
+        if self.moved:
+            raise TrajectoryError(
+                "a relative sweep is of all pairs; leave out the moved objects"
+            )
+        t = self.checker.tables
+        names = np.array(t.body_names)
+        own = np.unique(t.groups[names == link])
+        return set(names[t.checked[own][:, t.groups].any(axis=0)].tolist())
 
     def _intervals(self, tube: Tube, resolution: float) -> list[NearInterval]:
         """What is not proven of a tube."""

@@ -2,8 +2,10 @@
 
 import inspect
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
@@ -15,8 +17,16 @@ from armguard.guard.objects import SightingError
 from armguard.guard.verdict import Verdict
 from armguard.recording import frames
 from armguard.recording.calls import GuardCall, Place
-from armguard.recording.frames import HEADER, Form, Kind, text_frame, words
-from armguard.recording.ring import RingWriter
+from armguard.recording.frames import (
+    HEADER,
+    Form,
+    Frame,
+    Kind,
+    frame_of,
+    text_frame,
+    words,
+)
+from armguard.recording.ring import RingReader, RingWriter, in_memory
 from armguard.respond import Command, Guard
 from armguard.respond.requested import reason_of_stop
 from armguard.scene.archive import archive_of, hash_of
@@ -295,6 +305,53 @@ def by_name(values: Mapping[str, float], names: Sequence[str]) -> Floats:
 def as_number(value: object) -> float:
     """A number; NaN for everything else."""
     return float(value) if is_number(value) else np.nan  # type: ignore[arg-type]
+
+
+class Tape:
+    """A guard in a ring, and what it wrote there.
+
+    Attributes:
+        guard: The guard; it writes down its cycles.
+        now: Time of the present cycle [s].
+
+    Args:
+        guard: The guard.
+        folder: Where the ring is.
+    """
+
+    def __init__(self, guard: Guard, folder: str) -> None:
+        path, self.now = Path(folder) / "ring", 0.0
+        ring = RingWriter(path)
+        self.guard = RecordedGuard(
+            guard, ring, monotonic=lambda: self.now, wall=lambda: self.now
+        )
+        self._reader = RingReader(path)
+
+    def unread(self) -> Iterator[Frame]:
+        """Frames since the last call."""
+        for row in self._reader.unread():
+            yield frame_of(row.copy())
+
+
+def judged(
+    guard: Guard, q: Floats, times: Floats, speeds: Floats | None
+) -> Iterator[Frame]:
+    """Frames of a motion that obeys no stop, as a guard judges it.
+
+    Args:
+        guard: The guard; its clock is that of the motion.
+        q: Joint positions, shape (k, n) [rad or m].
+        times: Their times, rising, shape (k,) [s].
+        speeds: Joint velocities then, shape (k, n) [rad/s or m/s]; None for a guard
+            that predicts no stops.
+    """
+    with TemporaryDirectory(dir=in_memory()) as folder:
+        tape = Tape(guard, folder)
+        for k, (row, tape.now) in enumerate(zip(q, times.tolist(), strict=True)):
+            guard.forget_stops()
+            velocity = None if speeds is None else speeds[k]
+            tape.guard.step(row, tape.now, velocity=velocity)
+            yield from tape.unread()
 
 
 def wrong_input(given: Mapping[str, Any], robots: Sequence[str], joints: int) -> str:

@@ -15,8 +15,8 @@ from armguard.scene import compile_scene
 from armguard.service.client import Client
 from armguard.service.server.scenes import open_scene
 from armguard.simulation.controller import SimulatedArms
-from armguard.simulation.driving import DrivingOperator, Hands
-from armguard.simulation.operator import Operator
+from armguard.simulation.driving import DrivingOperator
+from armguard.simulation.operator import Hands, Operator
 from armguard.simulation.plant import Imperfection
 from armguard.simulation.sway import Sway
 from armguard.simulation.tele import TeleDriver

@@ -1,16 +1,16 @@
 """An operator as the commander of a running service."""
 
 import time
-from collections.abc import Callable, Mapping
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.errors import StationError
-from armguard.respond.command import Action, Blocked
+from armguard.respond.command import Action
 from armguard.service.client import Answer, Client
 from armguard.service.wire import Cause
+from armguard.simulation.operator import Hands
 
 Floats = NDArray[np.float64]
 
@@ -28,18 +28,6 @@ LOOKS_AFTER = 2.0
 
 # What a client says that has lost its service.
 LOST = (Cause.NOT_CONNECTED, Cause.SERVICE_SILENT, Cause.SERVICE_GONE)
-
-
-class Hands(Protocol):
-    """Source of desired motion, see `Operator`."""
-
-    engages: bool
-    """Whether robots are engaged that the service stopped."""
-
-    def drive(
-        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
-    ) -> tuple[Floats, list[str]]:
-        """Desired velocities, and robots that are engaged."""
 
 
 class DrivingOperator:

@@ -2,11 +2,15 @@
 
 from collections import deque
 from collections.abc import Mapping
+from copy import copy
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.prove.tube import Tube
 from armguard.respond.command import Blocked
+from armguard.scene.tables import SceneTables
 from armguard.simulation.tele import TeleDriver
 
 Floats = NDArray[np.float64]
@@ -24,8 +28,24 @@ LET_BE = 1.0
 # Time between two configurations that are kept [s].
 GLANCE = 0.2
 
+# A motion is followed in proportion to what a joint is off its place [1/s]; its clock
+# is slowed from the one distance on, and waits from the other on [rad or m].
+KEEPS, OFF, LOST = 5.0, 0.1, 0.3
+
 # Time on one leg without getting away from a near body, before the next leg [s].
 TRY = 1.5
+
+
+class Hands(Protocol):
+    """Source of desired motion, see `Operator.drive`."""
+
+    engages: bool
+    """Whether robots are engaged that the service stopped."""
+
+    def drive(
+        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
+    ) -> tuple[Floats, list[str]]:
+        """Desired velocities, and robots that are engaged."""
 
 
 class Operator:
@@ -137,3 +157,71 @@ class Hand:
         """Keep where the arm was."""
         if not self._past or t - self._past[-1][0] >= GLANCE:
             self._past.append((t, q[self._own].copy()))
+
+
+class MotionOperator:
+    """Follows a motion; its clock is slowed while an arm is off its place.
+
+    After a stop nothing is desired of the arm for a while; then it is engaged.
+
+    Attributes:
+        engages: Whether stopped arms are engaged.
+        at: How far the motion is [s].
+
+    Args:
+        tube: The motion.
+        tables: The scene.
+    """
+
+    def __init__(self, tube: Tube, tables: SceneTables) -> None:
+        self.engages = True
+        self.at = float(tube.times[0])
+        self._tube, self._end = tube, float(tube.times[-1])
+        self._now = np.nan
+        self._own = {
+            part.name: slice(part.first_joint, part.first_joint + part.joint_count)
+            for part in tables.robots
+        }
+        self._stopped: dict[str, float] = {}
+
+    def __deepcopy__(self, _: dict[int, object]) -> Self:
+        """An operator of the same motion that goes on from here by itself."""
+        other = copy(self)
+        other._stopped = dict(self._stopped)
+        return other
+
+    @property
+    def done(self) -> float:
+        """Share of the motion that is done [-]."""
+        start = float(self._tube.times[0])
+        return (self.at - start) / (self._end - start)
+
+    def drive(
+        self, t: float, q: Floats, blocked: Mapping[str, Blocked]
+    ) -> tuple[Floats, list[str]]:
+        """See `Operator.drive`."""
+        passed = 0.0 if np.isnan(self._now) else t - self._now
+        self._now = t
+        for name in self._own:
+            if blocked.get(name) is Blocked.STOPPED:
+                self._stopped.setdefault(name, t)
+        off = float(np.abs(self._place() - q).max(initial=0.0))
+        rate = min(max((LOST - off) / (LOST - OFF), 0.0), 1.0)
+        if self._stopped or self.at >= self._end:
+            rate = 0.0
+        self.at = min(self.at + rate * passed, self._end)
+        along = self._tube.velocities(np.array([self.at]))[0]
+        desired: Floats = rate * along + KEEPS * (self._place() - q)
+        engages = []
+        for name, since in [*self._stopped.items()]:
+            desired[self._own[name]] = 0.0
+            if t - since >= WAIT:
+                del self._stopped[name]
+                if blocked.get(name) is Blocked.STOPPED:
+                    engages.append(name)
+        return desired, engages
+
+    def _place(self) -> Floats:
+        """Where the motion is, shape (n,) [rad or m]."""
+        found: Floats = self._tube.at(np.array([self.at]))[0]
+        return found

@@ -1,7 +1,8 @@
 """The tele-driver: drives all arms of a scene as busy operators do, without mercy."""
 
+from copy import copy
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -118,6 +119,21 @@ class TeleDriver:
         for r, own in enumerate(self._own):
             desired[own] = self._desired_of(r, float(times[r]), q[own])
         return desired
+
+    def with_seed(self, seed: int) -> Self:
+        """A driver with other legs, that knows the same configurations."""
+        other = copy(self)
+        other._seed, other._legs = seed, {}
+        return other
+
+    def __deepcopy__(self, _: dict[int, object]) -> Self:
+        """The driver itself: what it answers does not depend on what it answered."""
+        return self
+
+    def known(self, rng: np.random.Generator) -> Floats:
+        """A random configuration that its arms know, shape (n,) [rad or m]."""
+        rows = [reach.q[int(rng.integers(len(reach.q)))] for reach in self._reach]
+        return np.concatenate(rows)
 
     def own(self, r: int) -> slice:
         """Part of q of the r-th robot."""

@@ -53,7 +53,7 @@ class Drawable:
         world: The scene of the cycles, on a page.
     """
 
-    label: ClassVar[str] = ""
+    label: str = ""
     every: ClassVar[float] = 0.0
     shown = True
     _due = -np.inf

@@ -204,9 +204,13 @@ class RecordedView(View):
                 self.plot.fill(self.world.cycle(one) for one in playback.past())
             self._plotted = frame.monotonic
             self.draw(frame)
-            when = datetime.datetime.fromtimestamp(frame.wall, datetime.UTC)
             self.place = {"position": playback.position, "playing": playback.playing}
-            self.publish(frame, recorded=f"recorded {when:%Y-%m-%d %H:%M:%S} UTC")
+            self.publish(frame, recorded=self.when(frame))
+
+    def when(self, frame: Frame) -> str:
+        """Of when a cycle is, in words."""
+        when = datetime.datetime.fromtimestamp(frame.wall, datetime.UTC)
+        return f"recorded {when:%Y-%m-%d %H:%M:%S} UTC"
 
     def _received(self, page: str, message: Mapping[str, Any]) -> None:
         """Take a message of the time line; there is nothing to drive or to stop."""
