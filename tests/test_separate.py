@@ -7,6 +7,7 @@ import sys
 import numba
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from armguard import separate
 from armguard.address import array_at, pointer
@@ -351,3 +352,13 @@ print(next(FunctionIdentity._unique_ids))
 """
     one, other = (int(run(tmp_path, program).stdout) for _ in range(2))
     assert abs(one - other) > 100_000
+
+
+@kernel(entry=True)
+def allocate(array):
+    return array.copy()[0]
+
+
+def test_a_kernel_that_allocates_is_not_compiled():
+    with pytest.raises(TypingError):
+        allocate(np.zeros(2))

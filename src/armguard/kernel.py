@@ -177,14 +177,15 @@ def kernel(
     """Compile a function with the options every kernel shares.
 
     No exception inside (`error_model="numpy"`: 1/0 is infinite, not raised), no
-    fast-math (a NaN must stay visible), no GIL, kept on disk in `KERNEL_CACHE`.
+    fast-math (a NaN must stay visible), no GIL, kept on disk in `KERNEL_CACHE`. And no
+    counts of references (`_nrt=False`): a kernel that allocates is not compiled.
 
     Args:
         function: The function.
-        inline: Whether callers swallow it. A call hands arrays over one by one and
-            counts references to each, which takes longer than a small kernel does:
-            inlining made the cycle ten times faster. Large and rare kernels are left
-            out of it, for the sake of compile time.
+        inline: Whether callers swallow it. A call hands arrays over one by one, which
+            takes longer than a small kernel does: inlining made the cycle ten times
+            faster. Large and rare kernels are left out of it, for the sake of compile
+            time.
         entry: Whether Python calls it. Unpacking Python's objects is a function of its
             own, and two in three kernels never need it: a quarter of compile time.
         separate: Whether it stays an object of its own, see `SeparateKernel`; for large

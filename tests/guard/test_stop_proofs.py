@@ -420,7 +420,7 @@ def future(rng, q, v, free):
     push = rng.choice([-1.0, 0.0, 1.0], 14) * f["acceleration"]
     brake = rng.choice([f["deceleration"], f["deceleration_most"]], 14)
     dt = 5e-4
-    rows = np.zeros((251, len(x)))
+    rows = np.zeros((252, len(x)))
     driven = round(free / dt)
     count = write_moments(x, speed, push, brake, f["ramp"], driven, dt, rows)
     return rows[:count]
@@ -443,10 +443,12 @@ def write_moments(x, speed, push, brake, ramp, driven, dt, rows):
             x[j] += 0.5 * dt * (before + speed[j])
         if k >= driven and not moving:
             break
+        for j in range(len(x)):
+            rows[count, j] = x[j]
+            # The next row is the last one, unless another moment follows.
+            rows[count + 1, j] = x[j]
         if k % 40 == 39:
-            rows[count] = x
             count += 1
-    rows[count] = x
     return count + 1
 
 

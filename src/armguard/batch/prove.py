@@ -144,7 +144,8 @@ def take_spans(starts: Floats, ends: Floats, t: Walk, w: Place) -> None:
             motion, first, units = t.waiting[at, 0], t.waiting[at, 1], t.waiting[at, 2]
             if first >= t.reached[motion]:
                 continue
-            t.now[lane] = t.waiting[at]
+            for k in range(t.now.shape[1]):
+                t.now[lane, k] = t.waiting[at, k]
             w.best[lane] = 0.0
             share, half = (first + 0.5 * units) / WHOLE, 0.5 * units / WHOLE
             for k in range(starts.shape[1]):

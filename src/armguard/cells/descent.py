@@ -7,10 +7,9 @@ common what both have members in.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from armguard.address import stack
+from armguard.address import array_at, stack
 from armguard.cells.carve import look_of
 from armguard.cells.clearance import claims_of, make_nearest, make_query, search
 from armguard.cells.masks import mask_shape
@@ -83,7 +82,7 @@ def place_bodies(q: Vector, arms: Arms) -> None:
 @kernel(inline=False)
 def is_within(kind: int, row: Vector, lattice: Lattice) -> bool:
     """Whether a primitive is in the cube of the cells; false where a number is NaN."""
-    box = numba.carray(stack(6), (6,), np.float64)
+    box = array_at(stack(6), (6,), np.float64)
     row_bounds(kind, row, 0.0, box)
     edge = lattice.side * lattice.cell
     for k in range(3):
@@ -148,7 +147,7 @@ def descend_trees(
     """
     arms, claims = arms_of(arms_lines), claims_of(claims_lines)
     look, tree = look_of(look_lines), bits_of(tree_lines)
-    row = numba.carray(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
+    row = array_at(stack(ROW_WIDTH), (ROW_WIDTH,), np.float64)
     for n in range(q.shape[0]):
         place_bodies(q[n], arms)
         out[n, WORD], out[n, CELL], out[n, VISITED] = CLEAR, -1, 0

@@ -36,7 +36,8 @@ def body_distance(
         for j in range(first_b, end_b):
             measure(kinds[i], rows[i], kinds[j], rows[j], found)
             if not found[0] >= out[0]:
-                out[:] = found
+                for k in range(WITNESS_WIDTH):
+                    out[k] = found[k]
     if w.exact_of[first_a, 1] == 0 and w.exact_of[first_b, 1] == 0:
         return
     # All primitives of a link share its exact shapes; those of an object are exact.
@@ -48,6 +49,7 @@ def body_distance(
         for j in range(first_b, last_b):
             measure_parts(i, j, w, found)
             if not found[0] >= out[0]:
-                out[:] = found
+                for k in range(WITNESS_WIDTH):
+                    out[k] = found[k]
     if outer > out[0]:
         out[0] = outer

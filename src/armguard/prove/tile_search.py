@@ -157,12 +157,19 @@ def halved_parameter(
 
 
 @kernel
+def copy_numbers(numbers: Floats | Longs, out: Floats | Longs) -> None:
+    """Write numbers to the beginning of an array that is as long, or longer."""
+    for k in range(numbers.shape[0]):
+        out[k] = numbers[k]
+
+
+@kernel
 def put_halves(d: int, first: int, count: int, w: Waiting) -> None:
     """Let both halves of the tile that is judged wait, the lower one on top."""
     at = w.size[0]
     middle = 0.5 * (w.tile[SPAN * d + LOW] + w.tile[SPAN * d + HIGH])
     for k in range(2):
-        w.tiles[at + k] = w.tile
+        copy_numbers(w.tile, w.tiles[at + k])
         w.tiles[at + k, SPAN * d + (LOW if k == 0 else HIGH)] = middle
         w.lists[at + k, 0], w.lists[at + k, 1] = first, count
     w.size[0] = at + 2
@@ -186,7 +193,8 @@ def judge_pairs(row: Floats, p: Plan, t: Links, w: Waiting, tube: TubeTable) -> 
     """
     at = w.size[0] - 1
     first, count, kept = w.lists[at, 0], w.lists[at, 1], 0
-    w.size[0], w.tile[:] = at, w.tiles[at]
+    w.size[0] = at
+    copy_numbers(w.tiles[at], w.tile)
     place_tile(w.tile, tube, p, t)
     worst, share, label, place = inf, 1.0, FREE, 0
     for k in range(count):
@@ -253,9 +261,9 @@ def decide_tiles(
     for k in range(tiles.shape[0]):
         before, undecided = found.total[0], found.total[1]
         count = first[k + 1] - first[k]
-        w.size[0], w.tiles[0] = 1, tiles[k]
-        w.lists[0, 0], w.lists[0, 1] = 0, count
-        w.pairs[:count] = pairs[first[k] : first[k + 1]]
+        copy_numbers(tiles[k], w.tiles[0])
+        copy_numbers(pairs[first[k] : first[k + 1]], w.pairs)
+        w.size[0], w.lists[0, 0], w.lists[0, 1] = 1, 0, count
         while w.size[0] > 0:
             at, left = found.total[0], found.total[1]
             if at == found.rows.shape[0]:
@@ -268,7 +276,7 @@ def decide_tiles(
             if left + kept > found.open.shape[0]:
                 found.total[0], found.total[1] = before, undecided
                 return k
-            found.rows[at, PLACE:] = w.tile
+            copy_numbers(w.tile, found.rows[at, PLACE:])
             for i in range(kept):
                 found.open[left + i, 0] = at
                 found.open[left + i, 1] = w.pairs[list_end + i]
