@@ -100,7 +100,7 @@ def test_a_wider_buffer_is_kept_and_costs_motion(loops):
 
 def test_random_motions_by_all_engines_by_seed_and_in_the_view(loops, monkeypatch):
     """The same bytes; a seed alone is the same episode; the view shows its cycles."""
-    monkeypatch.setattr(manifests, "SHARD_SECONDS", 0.3)
+    monkeypatch.setattr(manifests, "SHARD_SECONDS", 0.2)
     np.save(loops / "rows.npy", np.array([[-1.0, 0.0], [-0.9, 0.0]]))
     made = job_of(loops, "random:3-8", "hit.csv", "rows.npy", duration=0.8)
     assert len(made.ends) > 2

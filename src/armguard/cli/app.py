@@ -41,7 +41,7 @@ LISTED = {
         "Draw which parts of robots' plans may be executed together.", "map:map_plans"
     ),
     "sense": Listed("Sensors fill the map.", "sensing:sensing"),
-    "fleet": Listed("Audit, prove or replay many inputs with many workers."),
+    "fleet": Listed("Audit, prove, replay or execute many motions with many workers."),
 }
 
 

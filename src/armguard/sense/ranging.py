@@ -47,10 +47,11 @@ def place_rows(
         out: Rows in the world, overwritten, shape (p, 16).
     """
     for i in range(kinds.shape[0]):
-        if bodies[i] < 0:
-            out[i] = local[i]
-        else:
+        if bodies[i] >= 0:
             place_row(kinds[i], local[i], T_world[bodies[i]], out[i])
+            continue
+        for k in range(out.shape[1]):
+            out[i, k] = local[i, k]
 
 
 @kernel
