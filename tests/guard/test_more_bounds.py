@@ -11,7 +11,7 @@ from armguard.guard.grips import ContractRow
 from armguard.guard.layout import NearRow
 from armguard.guard.watch import BRAKING
 from armguard.kernel import kernel
-from armguard.motion.figures import JointFigures, RobotFigures
+from armguard.motion.figures import CURVE_POINTS, JointFigures, RobotFigures
 from armguard.motion.state import PLANS, StopClock
 from armguard.record import records
 from armguard.robot.kinematics import PRISMATIC, REVOLUTE
@@ -92,7 +92,7 @@ def test_a_brake_slows_by_its_deceleration_from_its_effect_on(deceleration, star
         joint_figures=joint,
         robot_figures=records(1, RobotFigures),
         robot_of_joint=np.zeros(1, dtype=np.int32),
-        curves=np.zeros((1, 17, 2)),
+        curves=np.zeros((1, 2 * CURVE_POINTS)),
     )
     known, step = 0.9, 1e-4
     for time in np.arange(start, end, step) + 0.5 * step:
