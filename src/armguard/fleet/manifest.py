@@ -225,8 +225,8 @@ def check_kinds(work: str, job: JobModel, inputs: Sequence[Input]) -> None:
     for one in inputs:
         if one.kind not in known:
             raise FleetError(
-                f"{one.source}: `{work}` has no use for a {one.kind}; give "
-                f"{' or '.join(known)}s"
+                f"{one.source}: `{work}` has no use for a {one.kind}; it takes "
+                f"a {' or a '.join(known)}"
             )
     if work == "replay" and job.scenes:
         raise FleetError("a recording is replayed in its own scene; give no scenes")
