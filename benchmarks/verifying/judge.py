@@ -93,12 +93,14 @@ def first_contact_error(
         return float(np.inf)
     at, step = int(np.argmax(touching)), float(times[1] - times[0])
     dense = np.linspace(max(times[at] - step, times[0]), times[at], 60)
-    gaps = case.world.oracle.distances(positions(case.curves, dense)).min(axis=1)
+    gaps = case.world.oracle.near_distances(positions(case.curves, dense)).min(axis=1)
     exact = float(dense[np.argmax(gaps <= 0.0)])
     if min(contacts) < exact - FIRST:
         # A contact shorter than the step of the samples; it is looked for there.
         soon = min(contacts) + np.linspace(0.0, FIRST, 100)
-        near = case.world.oracle.distances(positions(case.curves, soon)).min(axis=1)
+        near = case.world.oracle.near_distances(positions(case.curves, soon)).min(
+            axis=1
+        )
         if near.min() <= ACCURACY:
             return max(0.0, float(soon[np.argmax(near <= ACCURACY)]) - min(contacts))
     return max(0.0, abs(min(contacts) - exact) - float(dense[1] - dense[0]))
@@ -115,12 +117,12 @@ def judged(case: Case, seed: int) -> dict[str, Any]:
     span = case.curves.times[[0, -1]]
     times = np.linspace(*span, SAMPLES)
     oracle, alone = case.world.oracle, not case.tube.wide.any()
-    distances = oracle.distances(positions(case.curves, times))
+    distances = oracle.near_distances(positions(case.curves, times))
     missed = too_near(case, found, times, distances)
     without = dict.fromkeys(case.without, 0)
     if not alone:
         some = times[::2]
-        shifted = oracle.distances(off_rows(case, some, rng))
+        shifted = oracle.near_distances(off_rows(case, some, rng))
         missed += too_near(case, found, some, shifted)
         for name in ("following error", "skew"):
             if name in case.without:
@@ -150,7 +152,7 @@ def samples_of_equal_cost(
     """Whether samples that take as long see each interval of the curves."""
     oracle, span = case.world.oracle, case.curves.times[[0, -1]]
     start, count = process_time(), 8
-    oracle.distances(positions(case.curves, np.linspace(*span, count)))
+    oracle.near_distances(positions(case.curves, np.linspace(*span, count)))
     cost = (process_time() - start) / count
     number = max(int(seconds / cost), 2)
     times = np.linspace(*span, number)

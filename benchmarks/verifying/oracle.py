@@ -1,5 +1,7 @@
 """What Coal measures along a tube, at positions that SciPy computes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BPoly
@@ -7,7 +9,10 @@ from scipy.interpolate import BPoly
 from armguard.prove.tube import Tube
 from armguard.scene import SceneTables
 from arrays import Floats
-from peers.pinocchio_coal import AllDistances
+from peers.pinocchio_coal import AllDistances, BroadPhase
+
+# A pair is near its buffer if it has no more than this beyond it [m].
+MARGIN = 0.001
 
 
 class Oracle:
@@ -35,6 +40,17 @@ class Oracle:
         ]
         self.pairs = sorted(set(self._ends))
         self._column = np.array([self.pairs.index(ends) for ends in self._ends])
+        margin = float(tables.buffers.max()) + MARGIN
+        near = self._near = BroadPhase(replace(tables, margin=margin))
+        # It stops at the first pair.
+        near.callback = pin.CollisionCallBackDefault(near.geometry, near.results, True)
+
+    def near_distances(self, rows: Floats) -> Floats:
+        """As `distances`; infinite in rows where no pair is near its buffer."""
+        near = [bool(self._near.step(q)) for q in self.peer.positions(rows)]
+        found = np.full((len(rows), len(self.pairs)), np.inf)
+        found[near] = self.distances(rows[near])
+        return found
 
     def distances(self, rows: Floats) -> Floats:
         """Of each pair of links in each row, shape (k, pairs)."""
