@@ -69,6 +69,7 @@ class Auditor:
         proven = np.ones(len(inner), dtype=bool)
         proven[step] = self._checker.prove(q[step], q[step + 1]).proven
         near = self._checker.distances(q)
+        known = np.where(np.isnan(near.distance), np.inf, near.distance)
         home = np.tile(self.scene.home, (len(first) - 1, 1))
         start = self._checker.prove(home, q[first[:-1]])
         figures = self._joints.figures(frames)
@@ -79,7 +80,7 @@ class Auditor:
             row["duration"] = float(times[-1]) if frames.timed else None
             intervals = self._intervals(frames, part, proven[steps])
             add_contacts(row, intervals)
-            self._nearest(row, frames, part, near)
+            self._nearest(row, frames, part, near, known[part])
             self._joints.add(row, frames, k, figures)
             self._start(row, start.proven[k], start.share[k], start.a[k], start.b[k])
             if self.job.guard and frames.timed and frames.finite[part].all():
@@ -99,10 +100,9 @@ class Auditor:
         frames: Frames,
         part: slice,
         near: NearestPairs,
+        known: Floats,
     ) -> None:
         """Least distance of all frames, where no interval has a lesser one."""
-        distance = near.distance[part]
-        known = np.where(np.isnan(distance), np.inf, distance)
         frame = int(np.argmin(known)) if len(known) else 0
         if row["least"] is not None or not len(known) or not isfinite(known[frame]):
             return

@@ -37,16 +37,17 @@ class JointFigures:
     """Figures of the joints of several inputs, each of shape (e, joints).
 
     Attributes:
-        low: Least positions [rad or m].
-        high: Greatest positions [rad or m].
+        moved: How far joints move [rad or m].
+        beyond: How far they are beyond their limits at most, below 0 within them
+            [rad or m].
         speed: Greatest speeds in shares of the top speeds; None without times.
         led: How far leaders move, NaN without one; None if there are none [rad or m].
         resting: Frames in which leader and follower rest; None likewise.
         offset: How far leaders are off in these on average; None likewise [rad or m].
     """
 
-    low: Floats
-    high: Floats
+    moved: Floats
+    beyond: Floats
     speed: Floats | None
     led: Floats | None
     resting: NDArray[np.int64] | None
@@ -93,7 +94,9 @@ class JointChecks:
                 total = np.add.reduceat(np.where(both, leader - q, 0.0), begin)
                 offset = total / np.maximum(resting, 1)
             low, high = np.fmin.reduceat(q, begin), np.fmax.reduceat(q, begin)
-        return JointFigures(low, high, speed, led, resting, offset)
+            beyond = np.maximum(self._lower - low, high - self._upper)
+            moved = high - low
+        return JointFigures(moved, beyond, speed, led, resting, offset)
 
     def add(
         self, row: dict[str, Any], frames: Frames, k: int, figures: JointFigures
@@ -110,24 +113,23 @@ class JointChecks:
         q, times = frames.q[part], frames.times[part]
         if not frames.finite[part].all():
             self.numbers(row, q)
-        self.limits(row, q, times, figures.low[k], figures.high[k])
+        self.limits(row, q, times, figures.beyond[k])
         if figures.speed is not None and len(q) > 1:
             self.jumps(row, q, times, figures.speed[k])
-        moved = figures.high[k] - figures.low[k]
-        self.frozen(row, q, moved, None if figures.led is None else figures.led[k])
+        led = None if figures.led is None else figures.led[k]
+        self.frozen(row, q, figures.moved[k], led)
         if figures.resting is not None and figures.offset is not None:
             self.rest(row, figures.resting[k], figures.offset[k])
         self.times(row, frames, k)
 
     def limits(
-        self, row: dict[str, Any], q: Floats, times: Floats, low: Floats, high: Floats
+        self, row: dict[str, Any], q: Floats, times: Floats, most: Floats
     ) -> None:
         """Joints beyond their limits."""
         lower, upper = self._lower, self._upper
-        with np.errstate(invalid="ignore"):
-            most = np.maximum(lower - low, high - upper)
-        row["beyond_limits"] = int((most > 0.0).sum())
-        for joint in np.flatnonzero(most > 0.0).tolist():
+        beyond = np.flatnonzero(most > 0.0).tolist()
+        row["beyond_limits"] = len(beyond)
+        for joint in beyond:
             outside = (q[:, joint] < lower[joint]) | (q[:, joint] > upper[joint])
             bad, name = np.flatnonzero(outside), self.names[joint]
             row["findings"].append(
@@ -214,8 +216,9 @@ class JointChecks:
         """Times that contradict the declared rate, or do not rise."""
         part = slice(int(frames.first[k]), int(frames.first[k + 1]))
         times, late = frames.times[part], float(frames.late[k])
-        if frames.timed and len(times) > 1 and not (np.diff(times) > 0.0).all():
-            frame = int(np.flatnonzero(~(np.diff(times) > 0.0))[0]) + 1
+        still = np.flatnonzero(~(np.diff(times) > 0.0)) if frames.timed else ()
+        if len(still):
+            frame = int(still[0]) + 1
             row["findings"].append(
                 finding(
                     "times", value=frame, text=f"time does not rise at frame {frame}"

@@ -118,18 +118,20 @@ class Dataset:
         self, episodes: Sequence[Episode], found: list[Floats], width: int
     ) -> EpisodeRows:
         """Rows as columns, in order; refused where they contradict the metadata."""
-        known, many = np.unique(found[0], return_counts=True)
-        there = dict(zip(known.tolist(), many.tolist(), strict=True))
-        for one in episodes:
-            count = there.get(one.number, 0)
-            if count != one.frames:
-                raise FleetError(
-                    f"{self.root / one.file}: episode {one.number} has {count} frames, "
-                    f"but meta says {one.frames}; correct meta, or record it again"
-                )
         frames = np.array([one.frames for one in episodes])
         first = np.concatenate(([0], np.cumsum(frames)))
-        if (found[0] != np.repeat([one.number for one in episodes], frames)).any():
+        numbers = np.repeat([one.number for one in episodes], frames)
+        if not np.array_equal(found[0], numbers):
+            known, many = np.unique(found[0], return_counts=True)
+            there = dict(zip(known.tolist(), many.tolist(), strict=True))
+            for one in episodes:
+                count = there.get(one.number, 0)
+                if count != one.frames:
+                    raise FleetError(
+                        f"{self.root / one.file}: episode {one.number} has {count} "
+                        f"frames, but meta says {one.frames}; correct meta, or record "
+                        "it again"
+                    )
             order = np.lexsort((found[1], found[0]))
             found = [column[order] for column in found]
         number, frame, stamps, counts, *joints = found

@@ -1,6 +1,7 @@
 """Rows of results."""
 
 import json
+from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
@@ -36,11 +37,19 @@ def finding(
     return {"kind": kind, "a": a, "b": b, **plain, "text": text}
 
 
-def item_row(manifest: Manifest, item: int, row: dict[str, Any]) -> dict[str, Any]:
-    """A result with the number, the scene and the setting of its item."""
-    scene, settings = manifest.groups[manifest.item(item)[0]]
-    text = json.dumps(settings, sort_keys=True)
-    return row | {"item": item, "scene": scene, "setting": text}
+def item_rows(
+    manifest: Manifest, first: int, rows: Sequence[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Results with the numbers, the scene and the setting of their items.
+
+    Args:
+        manifest: The manifest.
+        first: The first item; the others follow it in the same scene and setting.
+        rows: Results of the items.
+    """
+    scene, settings = manifest.groups[manifest.item(first)[0]]
+    where = {"scene": scene, "setting": json.dumps(settings, sort_keys=True)}
+    return [row | {"item": k} | where for k, row in enumerate(rows, first)]
 
 
 def failed_row(one: Input, error: str) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from armguard.fleet.inputs import DATASET, Input
 from armguard.fleet.job import FleetError
 from armguard.fleet.loops import Loops
 from armguard.fleet.manifest import Manifest, code_digest
-from armguard.fleet.result import empty_row, failed_row, finding, item_row
+from armguard.fleet.result import empty_row, failed_row, finding, item_rows
 from armguard.plans.plan import Plan
 from armguard.plans.proof import PlanProof
 from armguard.plans.verify import PlanVerifier
@@ -83,7 +83,7 @@ class Work:
         inputs = [self.manifest.item(k)[1] for k in range(first, end)]
         found = list(self._judge(inputs))
         assert len(found) == end - first
-        return [item_row(self.manifest, k, row) for k, row in enumerate(found, first)]
+        return item_rows(self.manifest, first, found)
 
     def _audit(self, group: int) -> Callable[[list[Input]], Rows]:
         """An audit of recorded frames."""

@@ -10,7 +10,7 @@ from typing import Any, Self
 from armguard.fleet.child import Child, WorkFailure
 from armguard.fleet.job import FleetError
 from armguard.fleet.manifest import Manifest, code_digest
-from armguard.fleet.result import failed_row, item_row
+from armguard.fleet.result import failed_row, item_rows
 from armguard.fleet.store import part_of, write_part
 
 # Half of a shard gets half its time, but never less than this [s].
@@ -163,7 +163,7 @@ def halved(
         except WorkFailure as failure:
             if end - first == 1 and not again:
                 one = manifest.item(first)[1]
-                return [item_row(manifest, first, failed_row(one, str(failure)))]
+                return item_rows(manifest, first, [failed_row(one, str(failure))])
             if end - first > 1:
                 break
     middle, half = (first + end) // 2, max(0.5 * limit, LEAST_LIMIT)
