@@ -216,7 +216,7 @@ class JointChecks:
         """Times that contradict the declared rate, or do not rise."""
         part = slice(int(frames.first[k]), int(frames.first[k + 1]))
         times, late = frames.times[part], float(frames.late[k])
-        still = np.flatnonzero(~(np.diff(times) > 0.0)) if frames.timed else ()
+        still = np.flatnonzero(frames.timed & ~(np.diff(times) > 0.0))
         if len(still):
             frame = int(still[0]) + 1
             row["findings"].append(
