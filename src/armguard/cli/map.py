@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,10 +20,11 @@ from armguard.cli.console import (
     print_json,
     with_options,
 )
+from armguard.errors import StationError
 from armguard.maps.cell_plan import CoordinationError
 from armguard.maps.coordination import CoordinationMap
 from armguard.maps.interlocks import Interlock
-from armguard.maps.job import map_of, read_job
+from armguard.maps.job import CellJob, map_of, read_job
 from armguard.maps.picture import draw_map, draw_slice
 from armguard.maps.schedule import Schedule
 from armguard.maps.slices import configuration_slice
@@ -54,6 +56,16 @@ class Options:
             help="Joints that may be anywhere, ROBOT/JOINT,...; all others are at home."
         ),
     ] = None
+    view: Annotated[
+        bool,
+        Option(
+            help="Show the schedule and the diagrams in the browser; dragging along a "
+            "diagram moves both robots."
+        ),
+    ] = False
+    page_port: Annotated[int, Option(help="Port of that page; 0 for a free one.")] = (
+        8080
+    )
     json: Json = False
 
 
@@ -70,8 +82,11 @@ def map_plans(options: Options) -> None:
         return
     if options.job is None:
         raise CoordinationError("give a cell job, or --joints and --scene")
+    if options.view and find_spec("viser") is None:
+        raise StationError("the view needs viser: pip install 'armguard[view]'")
     with loading_bar() as progress:
-        cell = map_of(read_job(options.job, progress))
+        job = read_job(options.job, progress)
+        cell = map_of(job)
     schedule, interlocks, problem = None, tuple[Interlock, ...](), None
     try:
         schedule = cell.schedule()
@@ -90,8 +105,20 @@ def map_plans(options: Options) -> None:
             out.print(f"  by these interlocks {seconds:.1f} s", markup=False)
         for line in alone_lines(cell):
             out.print(f"  {line}", markup=False)
+    if options.view:
+        show_map(job, cell, schedule, options.page_port)
     clear = schedule is not None and not any(cell.alone.values())
     raise typer.Exit(CLEAR if clear else TOO_CLOSE)
+
+
+def show_map(
+    job: CellJob, cell: CoordinationMap, schedule: Schedule | None, page_port: int
+) -> None:
+    """Show a map in the browser, until the process is ended."""
+    from armguard.view.__main__ import show
+    from armguard.view.mapped_view import MappedView
+
+    show(MappedView(job.scene, cell, schedule, page_port))
 
 
 def map_joints(options: Options) -> None:

@@ -144,14 +144,19 @@ def planned_frames(scene: Scene, plan: Plan) -> Iterator[Frame]:
     start, end = plan.tube.times[[0, -1]] / pace
     times = np.append(np.arange(start, end, 1.0 / RATE), end)
     speeds = plan.tube.velocities(pace * times) * pace
-    before, scene.period = scene.period, 1.0 / RATE
-    try:
-        guard = Guard(scene, self_test=False)
-    finally:
-        scene.period = before
+    guard = guard_of(scene)
     fixed = all(part.mode == "fixed" for part in guard.tables.robots)
     q = plan.tube.at(pace * times)
     return judged(guard, q, times, None if fixed else speeds)
+
+
+def guard_of(scene: Scene) -> Guard:
+    """A guard whose cycles are those of a time line."""
+    before, scene.period = scene.period, 1.0 / RATE
+    try:
+        return Guard(scene, self_test=False)
+    finally:
+        scene.period = before
 
 
 def outside_of(pieces: Sequence[Piece]) -> Trimesh:

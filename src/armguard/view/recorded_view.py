@@ -204,8 +204,12 @@ class RecordedView(View):
                 self.plot.fill(self.world.cycle(one) for one in playback.past())
             self._plotted = frame.monotonic
             self.draw(frame)
-            self.place = {"position": playback.position, "playing": playback.playing}
+            self.place = self.where()
             self.publish(frame, recorded=self.when(frame))
+
+    def where(self) -> dict[str, Any]:
+        """Position on the time line [s], and whether time passes."""
+        return {"position": self.source.position, "playing": self.source.playing}
 
     def when(self, frame: Frame) -> str:
         """Of when a cycle is, in words."""
