@@ -9,6 +9,7 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from armguard.cli.app import app
+from armguard.view import __main__ as showing
 
 SCENE = """
 mode: fixed
@@ -100,6 +101,28 @@ def test_a_diagram_without_a_way_is_exit_code_1(folder):
     assert "no way: left and right begin too near, left/rod and right/rod" in (
         answer.stdout
     )
+
+
+@pytest.mark.parametrize("way", [True, False])
+def test_a_map_is_shown_in_the_browser_also_without_a_way(folder, monkeypatch, way):
+    shown = []
+    monkeypatch.setattr(showing, "show", shown.append)
+    if not way:
+        (folder / "left.csv").write_text("t,left/turn\n0,-0.65\n1,0.6\n")
+        (folder / "right.csv").write_text("t,right/turn\n0,0.65\n1,-0.6\n")
+        (folder / "job.yaml").write_text(JOB.replace("1: give, 2: leave", ""))
+    answer = run(folder, "--view", "--page-port", "0")
+    [view] = shown
+    try:
+        assert answer.exit_code == (0 if way else 1), answer.output
+        [diagram] = json.loads(view.page.newest["diagrams"])["each"]
+        assert bool(diagram["way"]) == way
+        assert diagram["robots"] == ["left", "right"]
+        names = [name for name, _ in diagram["segments"][0]]
+        assert names == (["fetch", "give", "leave"] if way else ["fetch"])
+        assert view.places() == {"left": 0.0, "right": 0.0}
+    finally:
+        view.close()
 
 
 def test_a_plan_that_comes_too_near_by_itself_is_exit_code_1(folder):

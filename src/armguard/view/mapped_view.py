@@ -2,7 +2,7 @@
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -83,6 +83,8 @@ class MappedView(RecordedView):
             self._clock += 1.0 / RATE
             found = self._cycles(self._motion([dragged]), np.array([self._clock]))
             self._still = dragged, found[-1]
+            self.plot.fill([self.world.cycle(found[-1])])
+            self._plotted = -inf
         frame = self._still[1]
         self.draw(frame)
         self.place = self.where()
@@ -93,7 +95,7 @@ class MappedView(RecordedView):
         places = self.places()
         at = ", ".join(f"{robot} at {time:.2f} s" for robot, time in places.items())
         each = zip(self._cell.diagrams, self._labels, strict=True)
-        return "; ".join([f"{at} of its plan", *(state_of(*e, places) for e in each)])
+        return f"{at} of their plans: " + "; ".join(state_of(*e, places) for e in each)
 
     def where(self) -> dict[str, Any]:
         """Position on the time line, and the time on the plan of each robot."""
@@ -113,7 +115,8 @@ class MappedView(RecordedView):
     def _received(self, page: str, message: Mapping[str, Any]) -> None:
         """Take a place that a diagram is dragged to, or a message of the time line."""
         if message["type"] != "place":
-            self._dragged = None
+            if message["type"] in ("play", "seek"):
+                self._dragged = None
             super()._received(page, message)
             return
         places = self.places()
@@ -189,9 +192,8 @@ def state_of(diagram: Diagram, labels: Grid, places: Mapping[str, float]) -> str
     times = np.array([places[robot] for robot in diagram.robots])
     cell = ((times - diagram.starts) / diagram.step).astype(int)
     i, j = np.minimum(cell, np.array(labels.shape) - 1).tolist()
-    if labels[i, j] == FREE:
-        return "free"
+    if labels[i, j] in (FREE, LOCKED):
+        locked = ", but there is no way out" if labels[i, j] == LOCKED else ""
+        return f"{' and '.join(diagram.robots)} may be there together{locked}"
     word = KINDS[int(labels[i, j])][0]
-    if labels[i, j] == LOCKED:
-        return f"free, but {word}"
-    return f"{word}: {' and '.join(diagram.pair_at((i, j)))}"
+    return f"{word}: {' and '.join(diagram.pair_at((i, j)))} may be too near"
