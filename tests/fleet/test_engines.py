@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pytest
 from armguard.fleet import engine as engines
 from armguard.fleet import manifest as manifests
 from armguard.fleet import worker as workers
-from armguard.fleet.engine import Cluster, Here, Processes, check_address
+from armguard.fleet.engine import Cluster, Here, Processes, Tls, check_address
 from armguard.fleet.job import FleetError, JobModel
 from armguard.fleet.manifest import Manifest
 from armguard.fleet.run import run_job
@@ -54,15 +55,15 @@ def parts(out):
 
 
 @contextmanager
-def cluster(count):
+def cluster(count, *tls):
     """A scheduler and so many workers: its address, and their processes."""
     with Crew() as crew:
         with open_log("scheduler") as log:
-            crew.start("s", cli("scheduler", "--port", "0"), log=log)
+            crew.start("s", cli("scheduler", "--port", "0", *tls), log=log)
         address = line_of("scheduler")
         for k in range(count):
             with open_log(f"worker{k}") as log:
-                crew.start(f"w{k}", cli("worker", address), log=log)
+                crew.start(f"w{k}", cli("worker", address, *tls), log=log)
         for k in range(count):
             line_of(f"worker{k}")
         yield address, crew
@@ -81,7 +82,7 @@ def line_of(name):
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
         lines = Path(f"{name}.log").read_text().splitlines()
-        found = [line for line in lines if line.startswith("tcp://")]
+        found = [line for line in lines if line.startswith(("tcp://", "tls://"))]
         if found:
             return found[0]
         time.sleep(0.1)
@@ -272,6 +273,41 @@ def test_a_full_disk_ends_the_work_and_loses_nothing(cell, monkeypatch):
 def test_an_address_that_others_reach_needs_tls(address, sentence):
     with pytest.raises(FleetError, match=sentence):
         check_address(address, None)
+
+
+@pytest.mark.skipif(not shutil.which("openssl"), reason="there is no openssl")
+def test_a_cluster_with_tls_admits_none_with_another_certificate(
+    cell, shards, monkeypatch
+):
+    for name in ("own", "other"):
+        subprocess.run(
+            [
+                *("openssl", "req", "-x509", "-newkey", "ec", "-nodes", "-days", "2"),
+                *("-pkeyopt", "ec_paramgen_curve:prime256v1", "-subj", "/CN=localhost"),
+                *("-keyout", f"{name}.key", "-out", f"{name}.pem"),
+            ],
+            check=True,
+            capture_output=True,
+        )
+    own, other = (
+        Tls(Path(f"{n}.pem"), Path(f"{n}.pem"), Path(f"{n}.key"))
+        for n in ("own", "other")
+    )
+    write_dataset(cell / "d", "v3.0", episodes(4), per_file=5)
+    made, flags = job_of(cell, "d"), ("ca", "cert", "key")
+    words = [w for f in flags for w in (f"--tls-{f}", str(getattr(own, f)))]
+    run_job(made, cell / "here", Here())
+    with cluster(1, *words) as (address, _):
+        assert address.startswith("tls://127.0.0.1:")
+        run_job(made, cell / "dask", Cluster(address, own))
+        assert parts(cell / "dask") == parts(cell / "here")
+        monkeypatch.setattr(engines, "PATIENCE", 2.0)
+        with pytest.raises(FleetError, match=r"no scheduler .*certificate does not"):
+            run_job(made, cell / "wrong", Cluster(address, other))
+        plain = address.replace("tls", "tcp")
+        with pytest.raises(FleetError, match="no scheduler with a worker answers"):
+            run_job(made, cell / "wrong", Cluster(plain))
+        assert not parts(cell / "wrong")
 
 
 def test_a_scheduler_that_does_not_answer(cell, shards, monkeypatch):

@@ -146,6 +146,9 @@ def test_a_recording_opens_at_its_first_stop_and_its_time_line_steers(frames):
         view._received("one", {"type": "speed", "value": 4.0})
         view._received("one", {"type": "speed", "value": 1e9})
         assert playback.speed == 4.0
+        frame = playback.newest
+        assert view.when(replace(frame, wall=1e9)) == "recorded 2001-09-09 01:46:40 UTC"
+        assert view.when(replace(frame, wall=3.0)) == f"at {frame.monotonic:.2f} s"
         view._published = -np.inf
         view.step()
         state = json.loads(view.page.newest["state"])

@@ -20,6 +20,9 @@ from armguard.view.world import ObjectPoses, held_in, levels_of
 # A cycle that is so much later than the last one, or earlier, comes after a jump [s].
 JUMP = 1.0
 
+# Cycles whose clock shows an earlier time were judged afterwards [s since 1970].
+UNDATED = 1e8
+
 # Cycles before a position that the plot shows.
 PLOTTED = SPAN * RATE
 
@@ -212,7 +215,9 @@ class RecordedView(View):
         return {"position": self.source.position, "playing": self.source.playing}
 
     def when(self, frame: Frame) -> str:
-        """Of when a cycle is, in words."""
+        """Of when a cycle is, in words; what was never live has no date."""
+        if frame.wall < UNDATED:
+            return f"at {frame.monotonic:.2f} s"
         when = datetime.datetime.fromtimestamp(frame.wall, datetime.UTC)
         return f"recorded {when:%Y-%m-%d %H:%M:%S} UTC"
 
