@@ -115,9 +115,9 @@ def test_a_map_is_shown_in_the_browser_also_without_a_way(folder, monkeypatch, w
     [view] = shown
     try:
         assert answer.exit_code == (0 if way else 1), answer.output
-        [diagram] = json.loads(view.page.newest["diagrams"])["each"]
+        [diagram] = json.loads(view.page.newest["charts"])["charts"]
         assert bool(diagram["way"]) == way
-        assert diagram["robots"] == ["left", "right"]
+        assert diagram["axes"] == ["left", "right"]
         names = [name for name, _ in diagram["segments"][0]]
         assert names == (["fetch", "give", "leave"] if way else ["fetch"])
         assert view.places() == {"left": 0.0, "right": 0.0}

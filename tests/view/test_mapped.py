@@ -1,4 +1,4 @@
-"""The view of a map: its diagrams, and the robots where one is dragged to."""
+"""Views of a map and of a slice: charts, and the robots where one is dragged to."""
 
 import json
 from base64 import b64decode
@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from armguard.maps.coordination import coordination_map
+from armguard.maps.slices import configuration_slice
 from armguard.prove.tile_search import FREE, TOUCHING, UNKNOWN
-from armguard.view.mapped_view import LOCKED, MappedView, coarser
+from armguard.view.charts import LOCKED, coarser
+from armguard.view.mapped_view import MappedView, SlicedView
 from crossing import cell_of, plan_through
 
 # Turns of the first joints: each arm swings into the space of the others and back.
@@ -46,8 +48,8 @@ def drag(view, **times):
 
 def test_the_page_gets_each_diagram_with_its_schedule(shown):
     view, cell = shown
-    each = json.loads(view.page.newest["diagrams"])["each"]
-    assert [tuple(one["robots"]) for one in each] == [d.robots for d in cell.diagrams]
+    each = json.loads(view.page.newest["charts"])["charts"]
+    assert [tuple(one["axes"]) for one in each] == [d.robots for d in cell.diagrams]
     schedule = cell.schedule()
     for one, diagram in zip(each, cell.diagrams, strict=True):
         cells = np.frombuffer(b64decode(one["cells"]), np.uint8).reshape(one["shape"])
@@ -88,7 +90,7 @@ def test_a_drag_moves_both_robots_and_the_others_stay(shown):
     # Whatever else pages send leaves them there; the time line leads them back.
     view._receive("page", {"type": "pulse", "held": False})
     assert state_of(view)["places"]["left"] == 2.0
-    with pytest.raises(ValueError, match="no time of a plan"):
+    with pytest.raises(ValueError, match="nan is no place of 'left'"):
         drag(view, left=float("nan"))
     view._receive("page", {"type": "seek", "at": 0.0})
     assert set(state_of(view)["places"].values()) == {0.0}
@@ -119,3 +121,27 @@ def test_of_several_cells_the_one_that_forbids_most_remains():
     labels[1, 3] = TOUCHING
     assert coarser(labels, 2).tolist() == [[LOCKED, TOUCHING, FREE]]
     assert coarser(labels[:, :3], 3).tolist() == [[UNKNOWN]]
+
+
+def test_a_slice_moves_its_joints_and_leaves_all_others_at_home():
+    scene = cell_of()
+    joints = "left/joint1", "left/joint2"
+    found = configuration_slice(scene, joints)
+    view = SlicedView(scene, found, page_port=0)
+    try:
+        assert list(view.places()) == list(joints)
+        assert state_of(view)["recorded"].endswith("the others at home: free")
+        forbidden = np.argwhere(found.labels == TOUCHING)
+        i, j = forbidden[len(forbidden) // 2] + 0.5
+        at = np.array([i, j]) * found.step + found.lower
+        state = drag(view, **dict(zip(joints, at.tolist(), strict=True)))
+        assert state["recorded"].endswith("the others at home: forbidden")
+        assert state["word"] == "STOP"
+        q = scene.home.copy()
+        q[[scene.q_names.index(joint) for joint in joints]] = at
+        assert view._still[1].q == pytest.approx(q)
+        [chart] = json.loads(view.page.newest["charts"])["charts"]
+        assert chart["titles"] == [f"{joint} [rad]" for joint in joints]
+        assert (chart["lower"], chart["upper"]) == ([*found.lower], [*found.upper])
+    finally:
+        view.close()

@@ -24,7 +24,7 @@ from armguard.errors import StationError
 from armguard.maps.cell_plan import CoordinationError
 from armguard.maps.coordination import CoordinationMap
 from armguard.maps.interlocks import Interlock
-from armguard.maps.job import CellJob, map_of, read_job
+from armguard.maps.job import map_of, read_job
 from armguard.maps.picture import draw_map, draw_slice
 from armguard.maps.schedule import Schedule
 from armguard.maps.slices import configuration_slice
@@ -59,8 +59,8 @@ class Options:
     view: Annotated[
         bool,
         Option(
-            help="Show the schedule and the diagrams in the browser; dragging along a "
-            "diagram moves both robots."
+            help="Show the schedule and the diagrams, or the slice, in the browser; "
+            "dragging along one moves the robots."
         ),
     ] = False
     page_port: Annotated[int, Option(help="Port of that page; 0 for a free one.")] = (
@@ -76,14 +76,14 @@ def map_plans(options: Options) -> None:
     Exit code 0 a schedule is found, 1 there is none or a plan alone comes too near,
     2 bad input.
     """
+    if options.view and find_spec("viser") is None:
+        raise StationError("the view needs viser: pip install 'armguard[view]'")
     options.out.mkdir(parents=True, exist_ok=True)
     if options.joints is not None:
         map_joints(options)
         return
     if options.job is None:
         raise CoordinationError("give a cell job, or --joints and --scene")
-    if options.view and find_spec("viser") is None:
-        raise StationError("the view needs viser: pip install 'armguard[view]'")
     with loading_bar() as progress:
         job = read_job(options.job, progress)
         cell = map_of(job)
@@ -106,19 +106,12 @@ def map_plans(options: Options) -> None:
         for line in alone_lines(cell):
             out.print(f"  {line}", markup=False)
     if options.view:
-        show_map(job, cell, schedule, options.page_port)
+        from armguard.view.__main__ import show
+        from armguard.view.mapped_view import MappedView
+
+        show(MappedView(job.scene, cell, schedule, options.page_port))
     clear = schedule is not None and not any(cell.alone.values())
     raise typer.Exit(CLEAR if clear else TOO_CLOSE)
-
-
-def show_map(
-    job: CellJob, cell: CoordinationMap, schedule: Schedule | None, page_port: int
-) -> None:
-    """Show a map in the browser, until the process is ended."""
-    from armguard.view.__main__ import show
-    from armguard.view.mapped_view import MappedView
-
-    show(MappedView(job.scene, cell, schedule, page_port))
 
 
 def map_joints(options: Options) -> None:
@@ -147,6 +140,11 @@ def map_joints(options: Options) -> None:
         print_json({"joints": names, **dict(zip(keys, shares, strict=True))})
     else:
         out.print(found.sentence, markup=False)
+    if options.view:
+        from armguard.view.__main__ import show
+        from armguard.view.mapped_view import SlicedView
+
+        show(SlicedView(scene, found, options.page_port))
 
 
 def write_results(

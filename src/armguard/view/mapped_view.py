@@ -1,43 +1,25 @@
-"""The view of a map: robots on its schedule, or where a diagram is dragged to."""
+"""The views of a map and of a slice: what is free, and the robots there."""
 
-from base64 import b64encode
-from collections.abc import Mapping, Sequence
-from math import inf, isfinite
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armguard.maps.cell_plan import joints_of
 from armguard.maps.coordination import CoordinationMap
-from armguard.maps.diagram import Diagram, Grid
-from armguard.maps.picture import DEADLOCK, WORDS, roomiest
+from armguard.maps.diagram import Diagram
 from armguard.maps.schedule import Schedule
+from armguard.maps.slices import Slice
 from armguard.prove.tile_search import FREE
-from armguard.recording.frames import Frame, Kind
-from armguard.recording.recorded import judged
+from armguard.recording.frames import Frame
 from armguard.scene.scene import Scene
-from armguard.view.planned_view import RATE, guard_of
-from armguard.view.recorded_view import RecordedView
+from armguard.view.charts import KINDS, LOCKED, Chart, ChartView, Places
 
 Floats = NDArray[np.float64]
 
-# Label of free cells from which the ends of both plans cannot be reached.
-LOCKED = 1 + max(FREE, *WORDS)
 
-# Words and colours of the cells that are not free, or not for long.
-KINDS = {LOCKED: ("no way out", DEADLOCK), **WORDS}
-
-# Of several labels that become one on the page the one of the highest rank remains;
-# the rank of a rank is the label again.
-RANK = np.array([0, 3, 2, 1], dtype=np.uint8)
-
-# A diagram on the page has so many cells along an axis at most.
-CELLS = 250
-
-
-class MappedView(RecordedView):
-    """Shows the schedule of a map on a time line, and its diagrams beside the robots.
+class MappedView(ChartView):
+    """Shows the schedule of a map on a time line, and its diagrams.
 
     Dragging along a diagram moves both of its robots to those times of their plans.
 
@@ -59,76 +41,18 @@ class MappedView(RecordedView):
         page_port: int = 8080,
     ) -> None:
         self._cell, self._schedule, self._scene = cell, schedule, scene
-        self._guard = guard_of(scene)
-        self._labels = [labels_of(cell, diagram) for diagram in cell.diagrams]
-        # Times of the plans that a diagram was dragged to, and the cycle there.
-        self._dragged: dict[str, float] | None = None
-        self._still: tuple[dict[str, float], Frame] | None = None
-        end = 0.0 if schedule is None else schedule.makespan
-        times = np.append(np.arange(0.0, end, 1.0 / RATE), end)
-        q = self._motion([self._scheduled(time) for time in times.tolist()])
-        self._clock = end
-        super().__init__(scene, self._cycles(q, times), page_port)
-        self.source.go(0.0)
-        shown = zip(cell.diagrams, self._labels, strict=True)
-        self.page.publish("diagrams", {"each": [self._diagram(*one) for one in shown]})
+        charts = [chart_of(cell, one, schedule) for one in cell.diagrams]
+        length = 0.0 if schedule is None else schedule.makespan
+        super().__init__(scene, charts, length, page_port)
 
-    def step(self) -> None:
-        """Draw the robots where a diagram was dragged to, else on the schedule."""
-        dragged = self._dragged
-        if dragged is None:
-            super().step()
-            return
-        if self._still is None or self._still[0] != dragged:
-            self._clock += 1.0 / RATE
-            found = self._cycles(self._motion([dragged]), np.array([self._clock]))
-            self._still = dragged, found[-1]
-            self.plot.fill([self.world.cycle(found[-1])])
-            self._plotted = -inf
-        frame = self._still[1]
-        self.draw(frame)
-        self.place = self.where()
-        self.publish(frame, recorded=self.when(frame))
-
-    def when(self, frame: Frame) -> str:
-        """Where robots are on their plans, and whether they may be there together."""
-        places = self.places()
-        at = ", ".join(f"{robot} at {time:.2f} s" for robot, time in places.items())
-        each = zip(self._cell.diagrams, self._labels, strict=True)
-        return f"{at} of their plans: " + "; ".join(state_of(*e, places) for e in each)
-
-    def where(self) -> dict[str, Any]:
-        """Position on the time line, and the time on the plan of each robot."""
-        return {**super().where(), "places": self.places()}
-
-    def places(self) -> dict[str, float]:
-        """Time on the plan of each robot [s]."""
-        return dict(self._dragged or self._scheduled(self.source.position))
-
-    def _scheduled(self, time: float) -> dict[str, float]:
-        """The same at a time of the schedule; begins of plans if there is none [s]."""
+    def planned(self, time: float) -> Places:
+        """Time on the plan of each robot; where it begins without a schedule [s]."""
         if self._schedule is None:
             return {n: float(p.plan.tube.times[0]) for n, p in self._cell.plans.items()}
         at = self._schedule.at(time).tolist()
         return dict(zip(self._schedule.robots, at, strict=True))
 
-    def _received(self, page: str, message: Mapping[str, Any]) -> None:
-        """Take a place that a diagram is dragged to, or a message of the time line."""
-        if message["type"] != "place":
-            if message["type"] in ("play", "seek"):
-                self._dragged = None
-            super()._received(page, message)
-            return
-        places = self.places()
-        for robot, time in message["places"].items():
-            times = self._cell.plans[robot].plan.tube.times
-            if not isfinite(time):
-                raise ValueError(f"{time} is no time of a plan")
-            places[robot] = float(np.clip(time, times[0], times[-1]))
-        self.source.play(False)
-        self._dragged = places
-
-    def _motion(self, places: Sequence[Mapping[str, float]]) -> Floats:
+    def rows(self, places: Sequence[Places]) -> Floats:
         """Joint positions at times of the plans, shape (k, n) [rad or m]."""
         q = np.tile(self._scene.home, (len(places), 1))
         for robot, one in self._cell.plans.items():
@@ -137,63 +61,93 @@ class MappedView(RecordedView):
             q[:, own] = one.plan.tube.at(times)[:, own]
         return q
 
-    def _cycles(self, q: Floats, times: Floats) -> list[Frame]:
-        """Cycles of the guard; robots rest behind the last row."""
-        speeds = None
-        if any(part.mode != "fixed" for part in self._guard.tables.robots):
-            speeds = np.diff(q, axis=0, append=q[-1:]) * RATE
-        found = judged(self._guard, q, times, speeds)
-        return [frame for frame in found if frame.kind is Kind.CYCLE]
-
-    def _diagram(self, diagram: Diagram, labels: Grid) -> dict[str, Any]:
-        """A diagram for the page."""
-        every = -(-max(labels.shape) // CELLS)
-        size, step = np.array(labels.shape), every * diagram.step
-        way = np.zeros((0, 2))
-        if self._schedule is not None:
-            own = [self._schedule.robots.index(robot) for robot in diagram.robots]
-            way = self._schedule.plan_times[:, own]
-        words = []
-        for label, (word, _) in KINDS.items():
-            place, has_room = roomiest(labels == label, len(word))
-            if has_room:
-                words.append([word, *(place / size).tolist()])
-        cells = coarser(labels, every)
-        segments = (self._cell.segments[robot] for robot in diagram.robots)
-        return {
-            "robots": diagram.robots,
-            "starts": diagram.starts,
-            "durations": diagram.durations,
-            "step": step,
-            "shape": cells.shape,
-            "cells": b64encode(cells.tobytes()).decode(),
-            "colours": {str(label): colour for label, (_, colour) in KINDS.items()},
-            "words": words,
-            "way": way.round(3).tolist(),
-            "segments": [[[s.name, s.start] for s in own] for own in segments],
-        }
+    def when(self, frame: Frame) -> str:
+        """Where robots are on their plans, and whether they may be there together."""
+        places = self.places()
+        at = ", ".join(f"{robot} at {time:.2f} s" for robot, time in places.items())
+        each = zip(self.charts, self._cell.diagrams, strict=True)
+        return f"{at} of their plans: " + "; ".join(
+            state_of(chart, diagram, places) for chart, diagram in each
+        )
 
 
-def labels_of(cell: CoordinationMap, diagram: Diagram) -> Grid:
-    """Labels of a diagram, and LOCKED."""
-    return np.where(cell.deadlocks(diagram), np.uint8(LOCKED), diagram.labels)
+class SlicedView(ChartView):
+    """Shows a slice of configurations; dragging along it moves both joints.
+
+    Args:
+        scene: The scene.
+        found: The slice.
+        page_port: Port of the page; 0 for any port that is free.
+
+    Raises:
+        StationError: The port is taken.
+    """
+
+    def __init__(self, scene: Scene, found: Slice, page_port: int = 8080) -> None:
+        self._slice, self._home = found, scene.home
+        self._columns = [scene.q_names.index(joint) for joint in found.joints]
+        titles = [f"{j} [{u}]" for j, u in zip(found.joints, found.units, strict=True)]
+        chart = Chart(
+            axes=found.joints,
+            titles=(titles[0], titles[1]),
+            lower=found.lower,
+            upper=found.upper,
+            step=found.step,
+            labels=found.labels,
+            way=np.zeros((0, 2)),
+            segments=((), ()),
+        )
+        super().__init__(scene, [chart], 0.0, page_port)
+
+    def planned(self, time: float) -> Places:
+        """Both joints at home [rad or m]."""
+        at = self._home[self._columns].tolist()
+        return dict(zip(self._slice.joints, at, strict=True))
+
+    def rows(self, places: Sequence[Places]) -> Floats:
+        """Joint positions, all other joints at home, shape (k, n) [rad or m]."""
+        q = np.tile(self._home, (len(places), 1))
+        for column, joint in zip(self._columns, self._slice.joints, strict=True):
+            q[:, column] = [each[joint] for each in places]
+        return q
+
+    def when(self, frame: Frame) -> str:
+        """Where both joints are, and whether the robot may be there."""
+        places, units = self.places(), self._slice.units
+        each = zip(places.items(), units, strict=True)
+        at = ", ".join(f"{joint} at {q:.3f} {unit}" for (joint, q), unit in each)
+        label = int(self._slice.labels[self.charts[0].cell(places)])
+        state = "free" if label == FREE else KINDS[label][0]
+        return f"{at}, {self._slice.others}: {state}"
 
 
-def coarser(labels: Grid, every: int) -> Grid:
-    """One label for so many along each axis; the last ones are repeated."""
-    pad = [(0, -size % every) for size in labels.shape]
-    ranks = np.pad(RANK[labels], pad, mode="edge")
-    k, m = (size // every for size in ranks.shape)
-    return np.asarray(RANK[ranks.reshape(k, every, m, every).max(axis=(1, 3))])
+def chart_of(
+    cell: CoordinationMap, diagram: Diagram, schedule: Schedule | None
+) -> Chart:
+    """A diagram as a chart; places in a deadlock are LOCKED."""
+    way = np.zeros((0, 2))
+    if schedule is not None:
+        own = [schedule.robots.index(robot) for robot in diagram.robots]
+        way = schedule.plan_times[:, own]
+    (a, b), (start, begin) = diagram.robots, diagram.starts
+    one, other = ([(s.name, s.start) for s in cell.segments[r]] for r in (a, b))
+    return Chart(
+        axes=(a, b),
+        titles=(f"time of {a}'s plan [s]", f"time of {b}'s plan [s]"),
+        lower=diagram.starts,
+        upper=(start + diagram.durations[0], begin + diagram.durations[1]),
+        step=diagram.step,
+        labels=np.where(cell.deadlocks(diagram), np.uint8(LOCKED), diagram.labels),
+        way=way,
+        segments=(one, other),
+    )
 
 
-def state_of(diagram: Diagram, labels: Grid, places: Mapping[str, float]) -> str:
+def state_of(chart: Chart, diagram: Diagram, places: Places) -> str:
     """Whether two robots may be at times of their plans together, in words."""
-    times = np.array([places[robot] for robot in diagram.robots])
-    cell = ((times - diagram.starts) / diagram.step).astype(int)
-    i, j = np.minimum(cell, np.array(labels.shape) - 1).tolist()
-    if labels[i, j] in (FREE, LOCKED):
-        locked = ", but there is no way out" if labels[i, j] == LOCKED else ""
-        return f"{' and '.join(diagram.robots)} may be there together{locked}"
-    word = KINDS[int(labels[i, j])][0]
-    return f"{word}: {' and '.join(diagram.pair_at((i, j)))} may be too near"
+    at = chart.cell(places)
+    label = int(chart.labels[at])
+    if label in (FREE, LOCKED):
+        locked = ", but there is no way out" if label == LOCKED else ""
+        return f"{' and '.join(chart.axes)} may be there together{locked}"
+    return f"{KINDS[label][0]}: {' and '.join(diagram.pair_at(at))} may be too near"

@@ -220,7 +220,7 @@ class PageServer:
             '<script src="/pace.js"></script>\n'
             '<script src="/timeline.js" defer></script>\n'
             '<script src="/line.js" defer></script>\n'
-            '<script src="/diagrams.js" defer></script>\n'
+            '<script src="/charts.js" defer></script>\n'
             '<script src="/station.js" defer></script>\n'
         )
         page = page.replace("<title>Viser</title>", "")

@@ -100,7 +100,7 @@
     if (fold.open && now() - explained > READING) explain(message);
     showButtons();
     if (message.recorded) timeLine.show(message);
-    if (message.places) diagrams.show(message.places);
+    if (message.places) charts.show(message.places);
     for (const robot of message.robots) {
       const own = card(robot.name);
       own.box.style.setProperty("--own", robot.colour);
@@ -200,7 +200,7 @@
   remedy.onclick = () => { remedy.blur(); say({ type: "drive" }); };
   const timeLine = makeTimeLine(say);
   const line = makeLine();
-  const diagrams = makeDiagrams(say);
+  const charts = makeCharts(say);
 
   let driving = false; // whether the view wants keys at all
   const held = new Set();
@@ -291,7 +291,7 @@
       veil.textContent = data.said;
       document.documentElement.classList.toggle("grey", data.said !== "");
     } else if (data.type === "line") line.show(data);
-    else if (data.type === "diagrams") diagrams.begin(data);
+    else if (data.type === "charts") charts.begin(data);
     else if (data.type === "busy") busy.textContent = data.said;
     else if (data.type === "refused") {
       refusal.textContent = data.said;
@@ -308,7 +308,7 @@
 
   const begin = () => {
     document.body.prepend(bar);
-    document.body.append(veil, busy, refused, fold, line.box, diagrams.box);
+    document.body.append(veil, busy, refused, fold, line.box, charts.box);
     refused.hidden = true;
     setInterval(refresh, 50);
     setInterval(tellPads, REPEAT);

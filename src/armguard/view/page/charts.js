@@ -1,12 +1,12 @@
-// The diagrams of a map: the time of one robot's plan to the right, that of the other one
-// upwards. Dragging moves both robots there; a dot shows where they are.
+// Charts of the free places of two axes: times of plans, or joints. Dragging moves the
+// robots there; a dot shows where they are.
 "use strict";
-const makeDiagrams = (say) => {
-  const SIDE = 260; // longest side of a diagram [px]
-  const [LEFT, TOP, RIGHT, BOTTOM] = [34, 20, 8, 32]; // room for axes [px]
+const makeCharts = (say) => {
+  const SIDE = 260; // longest side of a chart [px]
+  const [LEFT, TOP, RIGHT, BOTTOM] = [46, 20, 8, 32]; // room for axes [px]
   const WAY = "#1f5fa8";
   const box = document.createElement("section");
-  box.id = "diagrams";
+  box.id = "charts";
   box.hidden = true;
   let each = [];
 
@@ -26,33 +26,37 @@ const makeDiagrams = (say) => {
     return made;
   };
 
-  const made = (diagram) => {
+  const made = (chart) => {
     const canvas = document.createElement("canvas");
     box.append(canvas);
-    const pixels = SIDE / Math.max(...diagram.durations);
-    const [width, height] = diagram.durations.map((time) => time * pixels);
+    const { axes, titles, lower, upper, segments } = chart;
+    const pixels = SIDE / Math.max(upper[0] - lower[0], upper[1] - lower[1]);
+    const [width, height] = upper.map((end, k) => (end - lower[k]) * pixels);
     const scale = window.devicePixelRatio || 1;
     const [wide, high] = [width + LEFT + RIGHT, height + TOP + BOTTOM];
     [canvas.width, canvas.height] = [wide * scale, high * scale];
     [canvas.style.width, canvas.style.height] = [`${wide}px`, `${high}px`];
-    canvas.title = "drag: both robots go to these times of their plans";
+    canvas.title = "drag: the robots go there";
     const pen = canvas.getContext("2d");
     pen.scale(scale, scale);
-    const image = picture(diagram);
-    const [starts, robots] = [diagram.starts, diagram.robots];
-    const x = (time) => LEFT + (time - starts[0]) * pixels;
-    const y = (time) => TOP + height - (time - starts[1]) * pixels;
+    const image = picture(chart);
+    const x = (at) => LEFT + (at - lower[0]) * pixels;
+    const y = (at) => TOP + height - (at - lower[1]) * pixels;
 
-    const segmentOf = (own, time) => own.findLast(([, start]) => start <= time + 1e-9)?.[0] ?? "";
-    const axes = () => {
+    // Where an axis is, in words: a named part of a plan, or a number.
+    const saysOf = (k, at) => {
+      const part = segments[k].findLast(([, start]) => start <= at + 1e-9)?.[0];
+      return `${axes[k]}: ${part ?? at.toFixed(2)}`;
+    };
+    const drawAxes = () => {
       pen.strokeStyle = "#0003";
       pen.lineWidth = 1;
       pen.beginPath();
-      for (const [, start] of diagram.segments[0].slice(1)) {
+      for (const [, start] of segments[0].slice(1)) {
         pen.moveTo(x(start), TOP);
         pen.lineTo(x(start), TOP + height);
       }
-      for (const [, start] of diagram.segments[1].slice(1)) {
+      for (const [, start] of segments[1].slice(1)) {
         pen.moveTo(LEFT, y(start));
         pen.lineTo(LEFT + width, y(start));
       }
@@ -62,43 +66,42 @@ const makeDiagrams = (say) => {
       pen.fillStyle = "#4a525a";
       pen.font = "11px system-ui, DejaVu Sans, sans-serif";
       pen.textAlign = "center";
-      pen.fillText(`time of ${robots[0]}'s plan [s]`, LEFT + width / 2, TOP + height + 28);
-      const ends = starts.map((start, k) => start + diagram.durations[k]);
-      pen.fillText(starts[0].toFixed(1), LEFT, TOP + height + 14);
-      pen.fillText(ends[0].toFixed(1), LEFT + width - 8, TOP + height + 14);
+      pen.fillText(titles[0], LEFT + width / 2, TOP + height + 28);
+      pen.fillText(lower[0].toFixed(1), LEFT, TOP + height + 14);
+      pen.fillText(upper[0].toFixed(1), LEFT + width - 8, TOP + height + 14);
       pen.textAlign = "right";
-      pen.fillText(starts[1].toFixed(1), LEFT - 4, TOP + height);
-      pen.fillText(ends[1].toFixed(1), LEFT - 4, TOP + 10);
+      pen.fillText(lower[1].toFixed(1), LEFT - 4, TOP + height);
+      pen.fillText(upper[1].toFixed(1), LEFT - 4, TOP + 10);
       pen.save();
       pen.translate(12, TOP + height / 2);
       pen.rotate(-Math.PI / 2);
       pen.textAlign = "center";
-      pen.fillText(`time of ${robots[1]}'s plan [s]`, 0, 0);
+      pen.fillText(titles[1], 0, 0);
       pen.restore();
     };
 
     const draw = (places) => {
-      const at = robots.map((robot) => places[robot]);
+      const at = axes.map((axis) => places[axis]);
       pen.clearRect(0, 0, wide, high);
       pen.imageSmoothingEnabled = false;
-      const [k, m] = diagram.shape.map((count) => count * diagram.step * pixels);
+      const [k, m] = chart.shape.map((count) => count * chart.step * pixels);
       pen.save();
       pen.beginPath();
       pen.rect(LEFT, TOP, width, height);
       pen.clip();
       pen.drawImage(image, LEFT, TOP + height - m, k, m);
       pen.restore();
-      axes();
+      drawAxes();
       pen.font = "12px system-ui, DejaVu Sans, sans-serif";
       pen.fillStyle = "#000000";
       pen.textAlign = "center";
-      for (const [word, i, j] of diagram.words) {
+      for (const [word, i, j] of chart.words) {
         pen.fillText(word, LEFT + i * k, TOP + height - j * m + 4);
       }
       pen.strokeStyle = WAY;
       pen.lineWidth = 2;
       pen.beginPath();
-      for (const [a, b] of diagram.way) pen.lineTo(x(a), y(b));
+      for (const [a, b] of chart.way) pen.lineTo(x(a), y(b));
       pen.stroke();
       pen.lineWidth = 1;
       pen.beginPath();
@@ -113,17 +116,16 @@ const makeDiagrams = (say) => {
       pen.fill();
       pen.fillStyle = "#1c2126";
       pen.textAlign = "left";
-      const does = robots.map((robot, k) => `${robot}: ${segmentOf(diagram.segments[k], at[k])}`);
-      pen.fillText(does.join(" · "), LEFT, 13);
+      pen.fillText(at.map((one, k) => saysOf(k, one)).join(" · "), LEFT, 13, width);
     };
 
     const go = (event) => {
       const { left, top } = canvas.getBoundingClientRect();
-      const times = [
-        starts[0] + (event.clientX - left - LEFT) / pixels,
-        starts[1] + (TOP + height - (event.clientY - top)) / pixels,
+      const at = [
+        lower[0] + (event.clientX - left - LEFT) / pixels,
+        lower[1] + (TOP + height - (event.clientY - top)) / pixels,
       ];
-      say({ type: "place", places: Object.fromEntries(robots.map((robot, k) => [robot, times[k]])) });
+      say({ type: "place", places: Object.fromEntries(axes.map((axis, k) => [axis, at[k]])) });
     };
     canvas.onpointerdown = (event) => { canvas.setPointerCapture(event.pointerId); go(event); };
     canvas.onpointermove = (event) => { if (event.buttons) go(event); };
@@ -134,7 +136,7 @@ const makeDiagrams = (say) => {
     box,
     begin: (message) => {
       box.replaceChildren();
-      each = message.each.map(made);
+      each = message.charts.map(made);
       box.hidden = false;
     },
     show: (places) => each.forEach((draw) => draw(places)),
