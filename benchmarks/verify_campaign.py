@@ -26,7 +26,9 @@ from episodes.records import Digest, Figures, version_of
 from pages import DOCS
 from timing import quiet
 from verifying.judge import RESOLUTION, judged
+from verifying.one_engine import EXTREME, asked, disagreements, summed_answers
 from verifying.plans import KINDS, PATHS
+from verifying.states import SCENES
 
 # Rows of the plan that is timed, its duration [s], and rounds.
 ROWS, DURATION, ROUNDS = 2000, 10.0, 30
@@ -36,11 +38,22 @@ SWINGS = {"clear": 0.1, "with contacts": 0.5}
 
 RATES = "rates"
 
+# Kinds whose episodes are states of a scene, each asked in several ways.
+ASKED = {f"one engine, {name}": name for name in SCENES}
+
+
+def version(kind: str) -> str:
+    """Hash of all that decides an episode of a kind."""
+    asks = "verifying.one_engine" if kind in ASKED else "verifying.judge"
+    return version_of("verify_campaign" if kind == RATES else asks)(kind)
+
 
 def run_episode(kind: str, seed: int) -> Episode:
     """A plan, proven and judged; of the rates, their times."""
     if kind == RATES:
         return {"seed": seed, **rates()}
+    if kind in ASKED:
+        return {"seed": seed, **asked(ASKED[kind], seed)}
     return {"seed": seed, **judged(KINDS[kind](seed), seed)}
 
 
@@ -111,6 +124,8 @@ def summed_up(kind: str, episodes: list[Episode]) -> Figures:
     if kind == RATES:
         last = episodes[-1]
         return {"episodes": 1, "plans": last["plans"], "again_s": last["again_s"]}
+    if kind in ASKED:
+        return summed_answers(episodes)
     without: Counter[str] = Counter()
     for episode in episodes:
         without.update(episode["without"])
@@ -128,6 +143,8 @@ def summed_up(kind: str, episodes: list[Episode]) -> Figures:
 def digest(episode: Episode) -> Digest:
     """What came of an episode, in short."""
     outcome = "missed" if episode.get("missed") else ""
+    if disagreements(episode):
+        outcome = "answers differ"
     if episode.get("ends_off") or episode.get("first_off"):
         outcome = "a time is off"
     keys = ("intervals", "unseen")
@@ -139,20 +156,20 @@ def digest(episode: Episode) -> Digest:
 def is_broken(figures: Figures) -> bool:
     """Whether a promise is broken."""
     keys = ("missed", "ends_off", "first_off")
-    return any(figures.get(key, 0) > 0 for key in keys)
+    return disagreements(figures) > 0 or any(figures.get(key, 0) > 0 for key in keys)
 
 
 CAMPAIGN = Campaign(
     results=DOCS / "verify.json",
-    kinds={kind: partial(run_episode, kind) for kind in (*KINDS, RATES)},
-    version=version_of("verify_campaign"),
-    extreme={},
+    kinds={kind: partial(run_episode, kind) for kind in (*KINDS, *ASKED, RATES)},
+    version=version,
+    extreme=EXTREME,
     summed_up=summed_up,
     digest=digest,
     is_broken=is_broken,
     is_notable=lambda episode: bool(digest(episode).outcome),
     count=1000,
-    shares={"public": 0.001 * 2 * PATHS, RATES: 0.001},
+    shares={"public": 0.001 * 2 * PATHS, RATES: 0.001, **dict.fromkeys(ASKED, 0.04)},
     written=20,
 )
 

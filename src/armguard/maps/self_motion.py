@@ -158,7 +158,7 @@ class SelfMotion:
             np.gradient(rows[own][:, self._chain], self._times[own], axis=0)
             for own in parts
         ]
-        return np.concatenate(found)[np.cumsum(~again) - 1]
+        return np.asarray(np.concatenate(found)[np.cumsum(~again) - 1])
 
     def _tools(self, rows: Floats) -> Floats:
         """Poses of the tool, [R | p], shape (k, 3, 4)."""
