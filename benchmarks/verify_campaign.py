@@ -25,6 +25,7 @@ from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures, version_of
 from pages import DOCS
 from timing import quiet
+from verifying.ahead import LEADS, MOST_AHEAD, announced, summed_leads
 from verifying.judge import RESOLUTION, judged
 from verifying.one_engine import EXTREME, asked, disagreements, summed_answers
 from verifying.plans import KINDS, PATHS
@@ -38,20 +39,24 @@ SWINGS = {"clear": 0.1, "with contacts": 0.5}
 
 RATES = "rates"
 
-# Kinds whose episodes are states of a scene, each asked in several ways.
+# Announced plans; and states of a scene, each asked in several ways.
+AHEAD = "announced"
 ASKED = {f"one engine, {name}": name for name in SCENES}
 
 
 def version(kind: str) -> str:
     """Hash of all that decides an episode of a kind."""
-    asks = "verifying.one_engine" if kind in ASKED else "verifying.judge"
-    return version_of("verify_campaign" if kind == RATES else asks)(kind)
+    modules = {RATES: "verify_campaign", AHEAD: "verifying.ahead"}
+    modules |= dict.fromkeys(ASKED, "verifying.one_engine")
+    return version_of(modules.get(kind, "verifying.judge"))(kind)
 
 
 def run_episode(kind: str, seed: int) -> Episode:
     """A plan, proven and judged; of the rates, their times."""
     if kind == RATES:
         return {"seed": seed, **rates()}
+    if kind == AHEAD:
+        return {"seed": seed, **announced(seed)}
     if kind in ASKED:
         return {"seed": seed, **asked(ASKED[kind], seed)}
     return {"seed": seed, **judged(KINDS[kind](seed), seed)}
@@ -124,6 +129,8 @@ def summed_up(kind: str, episodes: list[Episode]) -> Figures:
     if kind == RATES:
         last = episodes[-1]
         return {"episodes": 1, "plans": last["plans"], "again_s": last["again_s"]}
+    if kind == AHEAD:
+        return summed_leads(episodes)
     if kind in ASKED:
         return summed_answers(episodes)
     without: Counter[str] = Counter()
@@ -145,9 +152,11 @@ def digest(episode: Episode) -> Digest:
     outcome = "missed" if episode.get("missed") else ""
     if disagreements(episode):
         outcome = "answers differ"
+    if any(episode.get(key) for key in LEADS):
+        outcome = "a lead is off"
     if episode.get("ends_off") or episode.get("first_off"):
         outcome = "a time is off"
-    keys = ("intervals", "unseen")
+    keys = ("intervals", "unseen", "cycles", "states")
     return Digest(
         episode["seed"], outcome, None, {k: episode[k] for k in keys if k in episode}
     )
@@ -155,21 +164,26 @@ def digest(episode: Episode) -> Digest:
 
 def is_broken(figures: Figures) -> bool:
     """Whether a promise is broken."""
-    keys = ("missed", "ends_off", "first_off")
+    keys = ("missed", "ends_off", "first_off", *LEADS)
     return disagreements(figures) > 0 or any(figures.get(key, 0) > 0 for key in keys)
 
 
 CAMPAIGN = Campaign(
     results=DOCS / "verify.json",
-    kinds={kind: partial(run_episode, kind) for kind in (*KINDS, *ASKED, RATES)},
+    kinds={kind: partial(run_episode, kind) for kind in (*KINDS, AHEAD, *ASKED, RATES)},
     version=version,
-    extreme=EXTREME,
+    extreme=EXTREME | dict.fromkeys(MOST_AHEAD, max),
     summed_up=summed_up,
     digest=digest,
     is_broken=is_broken,
     is_notable=lambda episode: bool(digest(episode).outcome),
     count=1000,
-    shares={"public": 0.001 * 2 * PATHS, RATES: 0.001, **dict.fromkeys(ASKED, 0.04)},
+    shares={
+        "public": 0.001 * 2 * PATHS,
+        AHEAD: 0.3,
+        RATES: 0.001,
+        **dict.fromkeys(ASKED, 0.04),
+    },
     written=20,
 )
 

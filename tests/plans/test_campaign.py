@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import armguard as ag
+from armguard.guard import look_ahead
 from armguard.maps.coordination import Coordinator
 from armguard.prove.paving import Paver
+from verifying import ahead
 from verifying.judge import judged
 from verifying.one_engine import CELL, SIZE, asked, compared, disagreements, ways_of
 from verifying.plans import among_thin, cubic, skewed, straight
@@ -71,3 +73,25 @@ def test_an_error_of_any_way_is_found():
         parts = found["distances"] | found["answers"]
         differ = {name for name, one in parts.items() if one["disagree"]}
         assert wrong <= differ <= wrong | {"checker"}
+
+
+@pytest.mark.parametrize("seed", [0, 1, 8])
+def test_leads_of_plans_in_the_bay_end_when_coal_finds_a_pair_too_near(seed):
+    found = ahead.announced(seed)
+    assert found["near"] == 1
+    assert found["cycles"] > 1000
+    assert [found[key] for key in ahead.LEADS] == [0, 0, 0]
+    assert found["lead_error"] <= ahead.guard().tables.period
+
+
+def test_a_lead_that_is_off_is_found(monkeypatch):
+    with monkeypatch.context() as coarse:
+        coarse.setattr(look_ahead, "RESOLUTION", 20.0)
+        assert ahead.announced(2)["too_short"] > 1000
+    # Coal finds pairs too near sooner than the guard knows of.
+    with monkeypatch.context() as wide:
+        wide.setattr(ahead.oracle(), "buffers", ahead.oracle().buffers + 0.002)
+        assert ahead.announced(2)["too_long"] > 1000
+    with monkeypatch.context() as slow:
+        slow.setattr(look_ahead.LookAhead, "_follows", lambda *_: False)
+        assert ahead.announced(2)["late"] == 1
