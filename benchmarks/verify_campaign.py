@@ -25,8 +25,11 @@ from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures, version_of
 from pages import DOCS
 from timing import quiet
+from verifying.ahead import LEADS, MOST_AHEAD, announced, summed_leads
 from verifying.judge import RESOLUTION, judged
+from verifying.one_engine import EXTREME, asked, disagreements, summed_answers
 from verifying.plans import KINDS, PATHS
+from verifying.states import SCENES
 
 # Rows of the plan that is timed, its duration [s], and rounds.
 ROWS, DURATION, ROUNDS = 2000, 10.0, 30
@@ -36,20 +39,34 @@ SWINGS = {"clear": 0.1, "with contacts": 0.5}
 
 RATES = "rates"
 
+# Announced plans; and states of a scene, each asked in several ways.
+AHEAD = "announced"
+ASKED = {f"one engine, {name}": name for name in SCENES}
+
 # Shares of the plans by kind; of the public data set, every path once.
 SHARES = {
     **{"straight": 0.4, "thin": 0.3, "cubic": 0.25, "skewed": 0.05},
-    **{"public": 2 * PATHS / 100_000, RATES: 1 / 100_000},
+    **{"public": 2 * PATHS / 100_000, RATES: 1 / 100_000, AHEAD: 0.003},
+    # Of each 1,000 states.
+    **dict.fromkeys(ASKED, 0.0004),
 }
 
-# Versions of episodes: hashes of all that decides them.
-JUDGED, MEASURED = version_of("verifying.judge"), version_of("verify_campaign")
+
+def version(kind: str) -> str:
+    """Hash of all that decides an episode of a kind."""
+    modules = {RATES: "verify_campaign", AHEAD: "verifying.ahead"}
+    modules |= dict.fromkeys(ASKED, "verifying.one_engine")
+    return version_of(modules.get(kind, "verifying.judge"))(kind)
 
 
 def run_episode(kind: str, seed: int) -> Episode:
     """A plan, proven and judged; of the rates, their times."""
     if kind == RATES:
         return {"seed": seed, **rates()}
+    if kind == AHEAD:
+        return {"seed": seed, **announced(seed)}
+    if kind in ASKED:
+        return {"seed": seed, **asked(ASKED[kind], seed)}
     return {"seed": seed, **judged(KINDS[kind](seed), seed)}
 
 
@@ -120,6 +137,10 @@ def summed_up(kind: str, episodes: list[Episode]) -> Figures:
     if kind == RATES:
         last = episodes[-1]
         return {"episodes": 1, "plans": last["plans"], "again_s": last["again_s"]}
+    if kind == AHEAD:
+        return summed_leads(episodes)
+    if kind in ASKED:
+        return summed_answers(episodes)
     without: Counter[str] = Counter()
     for episode in episodes:
         without.update(episode["without"])
@@ -137,9 +158,13 @@ def summed_up(kind: str, episodes: list[Episode]) -> Figures:
 def digest(episode: Episode) -> Digest:
     """What came of an episode, in short."""
     outcome = "missed" if episode.get("missed") else ""
+    if disagreements(episode):
+        outcome = "answers differ"
+    if any(episode.get(key) for key in LEADS):
+        outcome = "a lead is off"
     if episode.get("ends_off") or episode.get("first_off"):
         outcome = "a time is off"
-    keys = ("intervals", "unseen")
+    keys = ("intervals", "unseen", "cycles", "states")
     return Digest(
         episode["seed"], outcome, None, {k: episode[k] for k in keys if k in episode}
     )
@@ -147,15 +172,15 @@ def digest(episode: Episode) -> Digest:
 
 def is_broken(figures: Figures) -> bool:
     """Whether a promise is broken."""
-    keys = ("missed", "ends_off", "first_off")
-    return any(figures.get(key, 0) > 0 for key in keys)
+    keys = ("missed", "ends_off", "first_off", *LEADS)
+    return disagreements(figures) > 0 or any(figures.get(key, 0) > 0 for key in keys)
 
 
 CAMPAIGN = Campaign(
     results=DOCS / "verify.json",
-    kinds={kind: partial(run_episode, kind) for kind in (*KINDS, RATES)},
-    version=lambda kind: (MEASURED if kind == RATES else JUDGED)(kind),
-    extreme={},
+    kinds={kind: partial(run_episode, kind) for kind in (*KINDS, AHEAD, *ASKED, RATES)},
+    version=version,
+    extreme=EXTREME | dict.fromkeys(MOST_AHEAD, max),
     summed_up=summed_up,
     digest=digest,
     is_broken=is_broken,

@@ -149,6 +149,11 @@ def test_the_tool_of_an_alternative_keeps_its_pose_and_the_elbow_does_not(
         assert np.abs(rows).max() <= 2.9
         if interpolation == "cubic":
             assert np.abs(np.diff(rates, axis=0)).max() <= SHARPEST * np.diff(times)[0]
+            # No velocity jumps, also where the plan's curves meet.
+            after, soon = tube.times[1:-1], np.diff(times)[0] / 1000.0
+            here = tube.at(after)
+            jumps = (tube.at(after + soon) - 2.0 * here + tube.at(after - soon)) / soon
+            assert np.abs(jumps).max() <= 1.01 * SHARPEST * soon
 
 
 def run(line, delay=0.0, seconds=60.0):

@@ -37,6 +37,9 @@ EVERY = 0.05
 # How far the tool of a displaced plan may be from that of the plan [m, rad].
 POSITION, ROTATION = 1e-4, 1e-3
 
+# Velocities that differ by less where segments meet are the same [rad/s or m/s].
+SMOOTH = 1e-6
+
 # Newton's method: error of a pose that ends it [m, rad], and count of steps.
 EXACT, STEPS = 1e-9, 10
 
@@ -141,14 +144,21 @@ class SelfMotion:
         return False
 
     def _slopes(self, rows: Floats) -> Floats:
-        """Rates of the joints that move the tool, by differences of rows, (k, m)."""
-        ends = np.flatnonzero(np.diff(self._segment)) + 1
-        every = np.split(np.arange(len(rows)), ends)
+        """Rates of the joints that move the tool, by differences of rows, (k, m).
+
+        Both sides of a place where segments meet have the same rates, unless those of
+        the plan differ there.
+        """
+        meets = np.diff(self._segment, prepend=self._segment[0]) > 0
+        jumps = np.abs(np.diff(self._rates, axis=0, prepend=self._rates[:1]))
+        again = meets & (jumps.max(axis=1) <= SMOOTH)
+        kept = np.flatnonzero(~again)
+        parts = np.split(kept, np.flatnonzero((meets & ~again)[kept]))
         found = [
             np.gradient(rows[own][:, self._chain], self._times[own], axis=0)
-            for own in every
+            for own in parts
         ]
-        return np.concatenate(found)
+        return np.asarray(np.concatenate(found)[np.cumsum(~again) - 1])
 
     def _tools(self, rows: Floats) -> Floats:
         """Poses of the tool, [R | p], shape (k, 3, 4)."""
