@@ -30,6 +30,11 @@ LATE = "there was no answer within the time limit"
 PIECE = 1 << 20
 
 
+# By this variable Dask has its workers return freed memory at once. Each large array then
+# gets new pages, which makes an audit 40 % slower.
+TRIM = "MALLOC_TRIM_THRESHOLD_"
+
+
 class WorkFailure(Exception):
     """Work that ended its process: by a crash, without an end, or for its memory."""
 
@@ -98,11 +103,13 @@ class Child:
         """Send a request, to a new process where there is none."""
         if self._process is None:
             words = [str(self._out), str(self._memory), str(os.getpid())]
+            kept = {k: v for k, v in os.environ.items() if k != TRIM}
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "armguard.fleet.child", *words],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
+                env=kept,
                 start_new_session=True,
             )
         assert self._process.stdin is not None
