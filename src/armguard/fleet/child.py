@@ -30,8 +30,8 @@ LATE = "there was no answer within the time limit"
 PIECE = 1 << 20
 
 
-# By this variable Dask has its workers return freed memory at once. Each large array then
-# gets new pages, which makes an audit 40 % slower.
+# By this variable Dask has its workers return freed memory at once. Each large array
+# then gets new pages, which makes an audit 40 % slower.
 TRIM = "MALLOC_TRIM_THRESHOLD_"
 
 
