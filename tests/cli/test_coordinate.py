@@ -17,15 +17,14 @@ from armguard.cli.line_hands import (
     LONGEST_WAY,
     PAUSE,
     SLOW,
-    STALE,
-    Encoder,
     LineHands,
     LineStart,
 )
+from armguard.cli.line_input import STALE, LineInput
 from armguard.maps.cell_plan import CoordinationError
-from armguard.maps.job import read_line_job
+from armguard.maps.job import job_of, read_line_job
 from armguard.maps.line_cell import Job
-from armguard.maps.line_run import LineRun
+from armguard.maps.line_run import MOST_WAITING, LineRun
 from armguard.plans.verify import PlanVerifier
 from armguard.respond.command import Blocked
 from armguard.scene.conveyor import conveyor_job_path, conveyor_path
@@ -134,6 +133,7 @@ def test_the_motion_of_the_bundled_job_is_proven(tmp_path):
     [
         (["--belt"], "need a --port"),
         (["--recover"], "need a --port"),
+        (["--jobs"], "need a --port"),
         (["--motion", "m.csv", "--port", "1"], "--motion goes without"),
         (["--port", "1", "--engage"], "--engage needs --recover"),
     ],
@@ -155,7 +155,7 @@ def test_the_answer_as_json(folder):
     ("changed", "words"),
     [
         ({"jobs": [{"t": 0, "plans": ["fetsh"]}]}, "did you mean 'fetch'"),
-        ({"jobs": []}, "jobs"),
+        ({"jobs": []}, "jobs: has none; give one, or read them on line with --jobs"),
         ({"jobs": [{"t": float("nan"), "plans": ["fetch"]}]}, "jobs"),
         (
             {"plans": {**JOB["plans"], "fetch": {"robot": "lefd", "file": "left.csv"}}},
@@ -234,7 +234,8 @@ def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
         wait.wait(10.0)
         yield lines[-1]
 
-    hands = LineHands(job, Encoder(measurements()), says=unheard)
+    reads = LineInput(measurements(), belt=True, jobs=False)
+    hands = LineHands(job, reads, says=unheard)
     run = hands.run
     assert goes.wait(10.0)
     q, _ = run.line.motion()
@@ -247,6 +248,101 @@ def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
         hands.drive(0.02 * k, q, {})
     assert words in run.line.fault
     assert run.line.rests and not hands.moves
+
+
+BELT = {"slowest": 0.1, "fastest": 0.3, "speed": 0.2}
+
+
+# Of robots that are a cycle behind.
+LATE = {name: {**one, "skew": 0.05} for name, one in JOB["plans"].items()}
+
+
+def lined_up(folder, lines, *, belt=False, **changed):
+    """Hands that read lines, all of which are there, and positions of both robots."""
+    job = read_line_job(written(folder, plans=LATE, **changed), more=True)
+    reads = LineInput(lines, belt=belt, jobs=True)
+    for _ in range(1000):
+        if reads._closed:
+            break
+        time.sleep(0.01)
+    said = []
+    hands = LineHands(job, reads, says=lambda now, sentence: said.append(sentence))
+    return hands, hands.run.line.motion()[0], said
+
+
+def test_jobs_are_read_besides_those_of_the_file_and_wrong_lines_are_refused(folder):
+    lines = [
+        '{"plans": ["carry"]}\n',
+        "\n",
+        '{"plans": ["carri"]}\n',
+        '{"plans": ["carry"], "ofset": 1}\n',
+        '{"plans": ["carry"], "offset": NaN}\n',
+        '{"plans": []}\n',
+        "carry\n",
+        '{"plans": ["fetch"], "offset": 0.5}\n',
+    ]
+    hands, q, said = lined_up(folder, lines, jobs=JOB["jobs"][:1])
+    driven(hands, q, 16.0)
+    assert not hands.moves and not hands.run.line.fault
+    # One of the file, and the two that are right.
+    assert hands.run.summary()["done"] == [1, 2, 3]
+    assert hands.run.summary()["jobs"] == 3
+    refused = [one for one in said if one.startswith("refused: ")]
+    words = (
+        "'carri' is no plan; did you mean 'carry'",
+        "there is no such key; did you mean 'offset'",
+        "offset: is nan; it must be finite",
+        "plans: needs at least 1",
+        "'carry': is no JSON",
+    )
+    assert len(refused) == len(words)
+    assert all(word in one for word, one in zip(words, refused, strict=True))
+
+
+def test_the_coordination_ends_with_its_input_and_not_before(folder):
+    goes = Event()
+
+    def lines():
+        yield '{"plans": ["carry"]}\n'
+        goes.wait(10.0)
+        yield '{"plans": ["fetch"]}\n'
+
+    job = read_line_job(written(folder, plans=LATE, jobs=[]), more=True)
+    hands = LineHands(job, LineInput(lines(), belt=False, jobs=True), says=unheard)
+    time.sleep(0.1)
+    q, _ = driven(hands, hands.run.line.motion()[0], 6.0)
+    assert hands.moves and hands.run.line.idle
+    goes.set()
+    time.sleep(0.1)
+    driven(hands, q, 6.0, 6.0)
+    assert not hands.moves and hands.run.summary()["done"] == [1, 2]
+
+
+@pytest.mark.parametrize("wrong", ["0.1", "fetch", "[0.1, 0.2]"])
+def test_belt_and_jobs_share_a_line_each_and_a_wrong_measurement_stops_all(
+    folder, wrong
+):
+    lines = ["0.3 0.2\n", '{"plans": ["carry"]}\n']
+    hands, q, said = lined_up(folder, lines, belt=True, conveyor=BELT, jobs=[])
+    hands.drive(0.0, q, {})
+    assert said == ["right begins job 1, carry"]
+    assert hands.run.line.lanes[1].job.travel == 0.3
+    hands, q, _ = lined_up(
+        folder, [*lines, f"{wrong}\n"], belt=True, conveyor=BELT, jobs=[]
+    )
+    hands.drive(0.0, q, {})
+    time.sleep(2 * STALE)
+    hands.drive(DT, q, {})
+    fault = f"'{wrong}' is no travel and speed of the belt"
+    assert hands.run.line.fault.startswith(fault)
+
+
+def test_jobs_that_come_faster_than_they_are_done_are_refused(folder):
+    run = LineRun(read_line_job(written(folder, jobs=[]), more=True))
+    for _ in range(MOST_WAITING):
+        run.add(job_of('{"plans": ["fetch"]}'), 0.0)
+    with pytest.raises(CoordinationError, match="50 jobs wait already; send more"):
+        run.add(job_of('{"plans": ["fetch"]}'), 0.0)
 
 
 def test_robots_that_the_guard_holds_stop_both(folder):

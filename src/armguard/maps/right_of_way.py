@@ -1,11 +1,12 @@
-"""Right of way of two robots: which of them goes first where their plans cross.
+"""Right of way of robots: which of them goes first where their plans cross.
 
 The way through the diagram of two plans begins where both robots can stop, and leads
 to both ends. Behind a region that it passes one robot waits until the other has passed,
-so robots never wait for each other in a circle, at any pace.
+so two robots never wait for each other, at any pace. The ways of every two robots are
+taken only if they let all robots together reach their ends.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
@@ -25,80 +26,164 @@ STEP = 0.1
 # What keeps a robot back by itself: steps before it goes on, a node, steps at that.
 Hold = tuple[int, int, int]
 
+# A node that a robot leaves only once the other one has passed so many cells.
+Gate = tuple[int, int]
+
+# Numbers of two robots, the lower one first.
+Pair = tuple[int, int]
+
 # The later robot needs so many steps more than there are cells, at most.
 LONGEST = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Order:
-    """Which robot waits where for which.
+    """Which of two robots waits where for the other one.
 
     Attributes:
-        first: Robot that goes first where both arrive together, 0 or 1.
-        needs: For the first and the second robot: what the other one has to have passed
-            before it leaves each of its nodes, shape (k,).
+        gates: Of the first and of the second robot, by node; cells ascend as well.
         tight: Whether it may have both robots slow at once: no other way was found.
     """
 
-    first: int
-    needs: tuple[Nodes, Nodes]
+    gates: tuple[tuple[Gate, ...], tuple[Gate, ...]]
     tight: bool
 
-    def limit(self, robot: int, other: float) -> float:
-        """Where a robot has to stop, in time from the start of its plan [s].
+    def gate(self, robot: int, other: float) -> Gate | None:
+        """The gate at which a robot has to wait now; None without any.
 
         Args:
             robot: The robot, 0 or 1.
-            other: Where the other one is, in the same way [s].
+            other: Where the other one is, in time from the start of its plan [s].
         """
         passed = int((other - CLEAR) / STEP) if other > CLEAR else 0
-        needs = self.needs[robot]
-        node = int(needs.searchsorted(passed, side="right"))
-        return STEP * node - CLEAR if node < len(needs) else inf
+        return next((gate for gate in self.gates[robot] if gate[1] > passed), None)
 
-    def steps(
-        self,
-        nodes: tuple[int, int],
-        holds: tuple[Hold, Hold],
-        goals: tuple[int, int] | None = None,
-    ) -> tuple[int, int]:
-        """Steps after which each robot is where it goes, at its plan's pace.
+
+class Passage:
+    """In which steps a robot passes the nodes of its plan.
+
+    Args:
+        node: Where it can stop now.
+        late: Steps before it goes on.
+    """
+
+    __slots__ = ("_legs", "_start")
+
+    def __init__(self, node: int, late: int) -> None:
+        # Nodes at which it was kept back, and steps after which it leaves them.
+        self._start, self._legs = node, [(node, late)]
+
+    def arrives(self, node: int) -> int:
+        """Steps after which it is at a node; 0 if that is past."""
+        if node <= self._start:
+            return 0
+        at, leaves = next(leg for leg in reversed(self._legs) if leg[0] < node)
+        return leaves + node - at
+
+    def wait(self, node: int, until: int, rest: int = 0) -> None:
+        """Keep it back at a node, at or behind the last one at which it was.
 
         Args:
-            nodes: See `Crossing.order`.
-            holds: See `Crossing.order`.
-            goals: Where each goes; the end of its plan by default [cells].
+            node: The node.
+            until: Steps before which it does not leave it.
+            rest: Steps that it stays there after that.
         """
-        (i, j), one, other = nodes, self.needs[0].tolist(), self.needs[1].tolist()
-        k, m = (len(one), len(other)) if goals is None else goals
-        (first, at, rest), (second, there, pause) = holds
-        ends, most = [0, 0], LONGEST * (len(one) + len(other))
-        for t in range(most + first + rest + second + pause):
-            a = i < k and t >= first and one[i] <= j
-            b = j < m and t >= second and other[j] <= i
-            if a and rest and i == at:
-                a, rest = False, rest - 1
-            if b and pause and j == there:
-                b, pause = False, pause - 1
-            if b:
-                j, ends[1] = j + 1, t + 1
-            elif i >= k and j >= m:
-                break
-            if a:
-                i, ends[0] = i + 1, t + 1
-        return ends[0], ends[1]
+        at, leaves = self._legs[-1]
+        if node > at:
+            at, leaves = node, leaves + node - at
+            self._legs.append((at, leaves))
+        self._legs[-1] = at, max(leaves, until) + rest
 
-    def delays(
-        self, nodes: tuple[int, int], holds: tuple[Hold, Hold]
-    ) -> tuple[float, float]:
-        """How long each robot is delayed by the other [s]; see `Crossing.order`."""
-        late = [
-            STEP * max(end - (len(needs) - node + hold[0] + hold[2]), 0)
-            for end, needs, node, hold in zip(
-                self.steps(nodes, holds), self.needs, nodes, holds, strict=True
-            )
-        ]
-        return late[0], late[1]
+
+class RightOfWay:
+    """Which of several robots waits where for which.
+
+    Attributes:
+        orders: Of every two robots.
+
+    Args:
+        orders: See above.
+        count: How many robots there are.
+    """
+
+    def __init__(self, orders: Mapping[Pair, Order], count: int) -> None:
+        self.orders = orders
+        # Per robot and other robot: that one, the order, and which of its two it is.
+        self._own: list[list[tuple[int, Order, int]]] = [[] for _ in range(count)]
+        for (a, b), order in orders.items():
+            self._own[a].append((b, order, 0))
+            self._own[b].append((a, order, 1))
+
+    def gate(self, robot: int, other: int, place: float) -> Gate | None:
+        """The gate at which a robot has to wait for another one; None without any.
+
+        Args:
+            robot: The robot.
+            other: The other one.
+            place: Where that is, in time from the start of its plan [s].
+        """
+        order = self.orders[min(robot, other), max(robot, other)]
+        return order.gate(int(robot > other), place)
+
+    def limit(self, robot: int, places: Sequence[float]) -> tuple[float, int]:
+        """Where a robot has to stop, and for which other one.
+
+        Args:
+            robot: The robot.
+            places: Where each robot is, in time from the start of its plan [s].
+
+        Returns:
+            Time from the start of its plan, infinite if it need not stop [s], and the
+            other robot.
+        """
+        found = []
+        for other, order, side in self._own[robot]:
+            gate = order.gate(side, places[other])
+            found.append((inf if gate is None else STEP * gate[0] - CLEAR, other))
+        return min(found)
+
+    def passages(
+        self, nodes: Sequence[int], holds: Sequence[Hold]
+    ) -> list[Passage] | None:
+        """How all robots together go on as soon as they may; None if they never end.
+
+        Each robot passes its nodes in sequence, and a gate lets it pass one only behind
+        another robot's passing of one. Where one execution passes all nodes, none waits
+        for itself: at any pace the first node of that execution which is not passed yet
+        may be passed, so robots never wait for each other in a circle.
+
+        Args:
+            nodes: Where each can stop [cells].
+            holds: What keeps each back by itself.
+        """
+        found = [Passage(n, hold[0]) for n, hold in zip(nodes, holds, strict=True)]
+        # Gates by node, a rest behind those of its node; the next one is the last.
+        todo = []
+        for k, (own, (_, node, rest)) in enumerate(zip(self._own, holds, strict=True)):
+            waits = [
+                (at, False, other, cells)
+                for other, order, side in own
+                for at, cells in order.gates[side]
+            ]
+            if rest and node >= nodes[k]:
+                waits.append((node, True, k, rest))
+            todo.append(sorted(waits, reverse=True))
+        goes = True
+        while goes:
+            goes = False
+            for passage, waits in zip(found, todo, strict=True):
+                while waits:
+                    node, rests, other, cells = waits[-1]
+                    if rests:
+                        passage.wait(node, 0, cells)
+                    # So far the other one goes before it has to wait.
+                    elif todo[other] and cells > max(nodes[other], todo[other][-1][0]):
+                        break
+                    else:
+                        passage.wait(node, found[other].arrives(cells))
+                    waits.pop()
+                    goes = True
+        return None if any(todo) else found
 
 
 class Crossing:
@@ -144,9 +229,11 @@ class Crossing:
         for tight, safe in enumerate(self._safe):
             way = safe.way(nodes, holds, first)
             if way is not None:
-                needs = needs_of(self.blocked.T, way[:, ::-1], nodes[::-1])
-                others = needs_of(self.blocked, way, nodes)
-                return Order(first, (needs, others), bool(tight))
+                both = (
+                    needs_of(self.blocked.T, way[:, ::-1], nodes[::-1]),
+                    needs_of(self.blocked, way, nodes),
+                )
+                return Order((gates_of(both[0]), gates_of(both[1])), bool(tight))
         return None
 
 
@@ -220,6 +307,12 @@ def needs_of(blocked: Bools, way: Nodes, nodes: tuple[int, int]) -> Nodes:
     last = last_before(blocked, passed)
     last[:j] = 0
     return np.maximum.accumulate(last)
+
+
+def gates_of(needs: Nodes) -> tuple[Gate, ...]:
+    """Nodes at which more is needed than before, and what, see `needs_of`."""
+    rises = np.flatnonzero(np.diff(needs, prepend=0))
+    return tuple(zip(rises.tolist(), needs[rises].tolist(), strict=True))
 
 
 def coarser(diagram: Diagram) -> Bools:
