@@ -26,7 +26,7 @@ KINDS = {
     "no speed error": Kind(7.0, left_out="speed error"),
     "side by side": Kind(7.0, "side by side"),
     "side by side, alternatives": Kind(7.0, "side by side", alternatives=2),
-    "three robots": Kind(7.0, "three"),
+    "three robots": Kind(10.0, "three"),
     "three robots, every 4 s": Kind(4.0, "three"),
     "three robots, each pair by itself": Kind(4.0, "three", "circles"),
 }
@@ -101,7 +101,14 @@ CAMPAIGN = Campaign(
     is_broken=is_broken,
     is_notable=lambda episode: bool(digest(episode).outcome),
     count=100,
-    shares={"every 7 s": 0.2, "no hysteresis": 0.05, "no speed error": 0.05},
+    shares={
+        "every 7 s": 0.2,
+        "no hysteresis": 0.05,
+        "no speed error": 0.05,
+        "three robots": 0.05,
+        "three robots, every 4 s": 0.05,
+        "three robots, each pair by itself": 0.03,
+    },
     written=1,
     derived=derived,
 )

@@ -33,12 +33,14 @@ class Way(NamedTuple):
         name: Name of what is executed, that plan or an alternative to it.
         firsts: For each other robot: which of both goes first where they arrive
             together.
+        behind: Whether the robot begins once all others are at their ends.
     """
 
     job: Job
     plan: str
     name: str
     firsts: tuple[int, ...]
+    behind: bool = False
 
 
 @dataclass(slots=True)
@@ -52,6 +54,7 @@ class Lane:
         pace: Pace, as a share of the plan's [-].
         job: What it executes; None if it rests.
         tried: How many ways to begin a job were tried.
+        circle: Whether robots would wait in a circle on the last of these.
         tries_at: Time before which they are not tried again [s].
         best: The best of the ways of a plan that were tried, and its cost [s].
         yields_to: Robot because of which it is slower now; empty if none.
@@ -67,6 +70,7 @@ class Lane:
     pace: float = 0.0
     job: Job | None = None
     tried: int = 0
+    circle: bool = False
     tries_at: float = -inf
     best: tuple[Way, float] | None = None
     yields_to: str = ""

@@ -189,7 +189,11 @@ class Line:
                 lane.tried, lane.tries_at = 0, self._now + LOOKS
                 continue
             way = best[0] if best and compared else left[0]
+            # Where robots would wait in a circle, this one goes behind all others.
+            way = way._replace(behind=way.behind or lane.circle)
             found = self._tried(k, way)
+            if lane.circle:
+                return
             if compared:
                 lane.best = None
             else:
@@ -198,6 +202,8 @@ class Line:
                 return
             right, cost = found
             if not compared and len(self._same[way.plan]) > 1:
+                # Others may delay each other without it.
+                cost -= self._lanes.cost(self.right_of_way)
                 saves = best is None or cost < best[1] - self._gain
                 if saves:
                     lane.best = way, cost
@@ -235,22 +241,19 @@ class Line:
 
     def _tried(self, k: int, way: Way) -> tuple[RightOfWay, float] | None:
         """Right of way of one that comes in time, and its cost [s]; the robot stays."""
+        lane = self.lanes[k]
+        lane.circle = False
         if way.job not in self.queue:
             return None
-        lane, least = self.lanes[k], self._lanes.cost(self.right_of_way)
         before = lane.plan, lane.place
         self._put(lane, way)
         pairs = [(min(k, other), max(k, other)) for other in self._others(k)]
         firsts = dict(zip(pairs, way.firsts, strict=True))
-        found = None
-        # Where robots would wait in a circle, this one goes behind all others.
-        for last in (None, k):
-            right = self._right(firsts, last)
-            cost = self._lanes.cost(right) if right else inf
-            if right is None or cost < inf:
-                break
+        right, found = self._right(firsts, k if way.behind else None), None
+        cost = self._lanes.cost(right) if right else inf
+        lane.circle = right is not None and cost == inf and not way.behind
         if right and cost < inf and self._lanes.in_time(right):
-            found = right, cost - least
+            found = right, cost
         lane.job, (lane.plan, lane.place) = None, before
         return found
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.maps.diagram import Diagram
-from armguard.maps.interlocks import CLEAR, last_before
+from armguard.maps.interlocks import CLEAR
 from armguard.maps.ways import edges_free, steps_to_end
 
 Bools = NDArray[np.bool_]
@@ -77,8 +77,10 @@ class Passage:
         """Steps after which it is at a node; 0 if that is past."""
         if node <= self._start:
             return 0
-        at, leaves = next(leg for leg in reversed(self._legs) if leg[0] < node)
-        return leaves + node - at
+        for at, leaves in reversed(self._legs):
+            if at < node:
+                return leaves + node - at
+        return 0
 
     def wait(self, node: int, until: int, rest: int = 0) -> None:
         """Keep it back at a node, at or behind the last one at which it was.
@@ -113,6 +115,15 @@ class RightOfWay:
         for (a, b), order in orders.items():
             self._own[a].append((b, order, 0))
             self._own[b].append((a, order, 1))
+        # Per robot: node, whether it rests there by itself, other robot, and cells.
+        self._gates = [
+            [
+                (at, False, other, cells)
+                for other, order, side in own
+                for at, cells in order.gates[side]
+            ]
+            for own in self._own
+        ]
 
     def gate(self, robot: int, other: int, place: float) -> Gate | None:
         """The gate at which a robot has to wait for another one; None without any.
@@ -159,12 +170,10 @@ class RightOfWay:
         found = [Passage(n, hold[0]) for n, hold in zip(nodes, holds, strict=True)]
         # Gates by node, a rest behind those of its node; the next one is the last.
         todo = []
-        for k, (own, (_, node, rest)) in enumerate(zip(self._own, holds, strict=True)):
-            waits = [
-                (at, False, other, cells)
-                for other, order, side in own
-                for at, cells in order.gates[side]
-            ]
+        for k, (gates, (_, node, rest)) in enumerate(
+            zip(self._gates, holds, strict=True)
+        ):
+            waits = [gate for gate in gates if gate[3] > nodes[gate[2]]]
             if rest and node >= nodes[k]:
                 waits.append((node, True, k, rest))
             todo.append(sorted(waits, reverse=True))
@@ -210,6 +219,7 @@ class Crossing:
             if span is not None:
                 part = grid[int(span[0] / STEP) : ceil(span[1] / STEP)]
                 part |= part.any(axis=0)
+        self._behind = last_blocked(blocked.T), last_blocked(blocked)
         more = ceil(0.5 * spare / STEP)
         self._safe = [
             Safe(grown(grown(blocked, more, 0), more, 1)),
@@ -230,8 +240,8 @@ class Crossing:
             way = safe.way(nodes, holds, first)
             if way is not None:
                 both = (
-                    needs_of(self.blocked.T, way[:, ::-1], nodes[::-1]),
-                    needs_of(self.blocked, way, nodes),
+                    needs_of(self._behind[0], way[:, ::-1], nodes[::-1]),
+                    needs_of(self._behind[1], way, nodes),
                 )
                 return Order((gates_of(both[0]), gates_of(both[1])), bool(tight))
         return None
@@ -293,25 +303,38 @@ class Safe:
         return None
 
 
-def needs_of(blocked: Bools, way: Nodes, nodes: tuple[int, int]) -> Nodes:
-    """What the first robot has to have passed before the second leaves its nodes.
+def last_blocked(blocked: Bools) -> Nodes:
+    """Node behind the last blocked cell before each node of the first plan; else 0.
 
     Args:
         blocked: Cells, shape (k, m).
+
+    Returns:
+        That node in each column of cells, shape (k + 1, m).
+    """
+    behind = np.where(blocked, np.arange(1, len(blocked) + 1)[:, None], 0)
+    return np.pad(np.maximum.accumulate(behind), ((1, 0), (0, 0)))
+
+
+def needs_of(behind: Nodes, way: Nodes, nodes: tuple[int, int]) -> Nodes:
+    """What the first robot has to have passed before the second leaves its nodes.
+
+    Args:
+        behind: See `last_blocked`.
         way: Nodes from where both can stop, shape (n, 2).
         nodes: Where that is; what is behind it is past.
     """
-    i, j = nodes
-    passed = np.full(blocked.shape[1], i)
-    passed[j:] = way[np.flatnonzero(np.diff(way[:, 1]) > 0), 0]
-    last = last_before(blocked, passed)
-    last[:j] = 0
-    return np.maximum.accumulate(last)
+    j = nodes[1]
+    passed = np.zeros(behind.shape[1], dtype=np.intp)
+    passed[j:] = way[:-1][way[1:, 1] > way[:-1, 1], 0]
+    return np.maximum.accumulate(behind[passed, np.arange(len(passed))])
 
 
 def gates_of(needs: Nodes) -> tuple[Gate, ...]:
     """Nodes at which more is needed than before, and what, see `needs_of`."""
-    rises = np.flatnonzero(np.diff(needs, prepend=0))
+    rises = np.flatnonzero(needs[1:] > needs[:-1]) + 1
+    if needs[0]:
+        rises = np.append(0, rises)
     return tuple(zip(rises.tolist(), needs[rises].tolist(), strict=True))
 
 
