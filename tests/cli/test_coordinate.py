@@ -69,6 +69,10 @@ JOB = {
 }
 
 
+# Of robots that are a cycle behind.
+LATE = {name: {**one, "skew": 0.05} for name, one in JOB["plans"].items()}
+
+
 def with_alternatives(count):
     """The plans, one of them with alternatives."""
     return {**JOB["plans"], "fetch": {**JOB["plans"]["fetch"], "alternatives": count}}
@@ -250,11 +254,49 @@ def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
     assert run.line.rests and not hands.moves
 
 
+@pytest.fixture
+def three(folder):
+    """A cell job of three robots, each two of which meet."""
+    third = "  third: {urdf: arm.urdf, base: {xyz: [0.85, 0, 0], rpy: [0, 0, 3.1416]},"
+    scene = f"{SCENE}{third} home: {{turn: -1.6}}}}\n"
+    (folder / "three.yaml").write_text(scene)
+    rows = "t,third/turn\n0,-1.6\n1,-1.6\n3,1.3\n5,-1.6\n6,-1.6\n"
+    (folder / "third.csv").write_text(rows)
+    plans = {**LATE, "turn": {"robot": "third", "file": "third.csv", "skew": 0.05}}
+    names = ("turn", "fetch", "carry", "turn", "carry", "fetch")
+    jobs = [{"t": 0.3 * k, "plans": [name]} for k, name in enumerate(names)]
+    return written(folder, scene="three.yaml", plans=plans, jobs=jobs)
+
+
+def test_three_robots_do_their_jobs_and_their_motion_is_proven_clear(folder, three):
+    motion = folder / "motion.csv"
+    words = ["coordinate", str(three), "--motion", str(motion)]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    # Each diagram is counted once: of three pairs of robots, with a plan each.
+    counts = re.findall(r"diagram of '.*' and '.*', (\d) of (\d)", answer.output)
+    assert counts == [("1", "3"), ("2", "3"), ("3", "3")]
+    assert "6 of 6 jobs done" in answer.stdout
+    scene = ag.load_scene(folder / "three.yaml")
+    assert PlanVerifier(scene).verify(ag.Plan.read(motion, scene)).clear
+
+
+def test_the_state_of_three_robots_names_that_which_passes_first(three):
+    hands = LineHands(read_line_job(three), None, says=unheard)
+    line, seen = hands.run.line, set()
+    for k in range(1200):
+        hands.drive(DT * k, line.motion()[0], {})
+        state = hands.state()
+        assert [one["name"] for one in state["robots"]] == ["left", "right", "third"]
+        for lane, one in zip(line.lanes, state["robots"], strict=True):
+            first = re.search(r"yields: (\w+) passes first", one["does"])
+            assert (first[1] if first else "") == lane.yields_to
+            seen.add((lane.robot, lane.yields_to))
+    assert len(line.finished) == 6 and not line.fault
+    assert {robot for robot, other in seen if other} >= {"right", "third"}
+
+
 BELT = {"slowest": 0.1, "fastest": 0.3, "speed": 0.2}
-
-
-# Of robots that are a cycle behind.
-LATE = {name: {**one, "skew": 0.05} for name, one in JOB["plans"].items()}
 
 
 def lined_up(folder, lines, *, belt=False, **changed):

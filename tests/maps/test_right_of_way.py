@@ -198,6 +198,21 @@ def test_orders_that_close_a_circle_of_three_are_refused_and_another_way_is_foun
     assert headroom(world, rows[::4]).min() >= -1e-7
 
 
+def test_the_robot_that_would_close_a_circle_begins_at_once_behind_all_others(pistons):
+    _, cell = pistons
+    line = Line(cell)
+    for k, name in enumerate(cell.robots):
+        line.add(Job(k, (name,)))
+    for k in range(10):
+        line.step(CYCLE * k)
+    assert all(lane.job for lane in line.lanes)
+    last = cell.robots.index(line.events[2].split()[0])
+    for other in {0, 1, 2} - {last}:
+        first, second = sorted((last, other))
+        gates = line.right_of_way.orders[first, second].gates
+        assert gates[int(last > other)] and not gates[int(last < other)]
+
+
 @pytest.fixture(scope="module")
 def three():
     """Three arms that swing into the space of both others."""
