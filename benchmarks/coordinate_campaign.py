@@ -1,4 +1,4 @@
-"""Two arms at a belt, beside guard and Coal; writes docs/coordinate.json and its page.
+"""Arms at a belt, beside guard and Coal; writes docs/coordinate.json and its page.
 
 make coordinate-campaign                                  1,000 job pairs, and more
 make coordinate-campaign ARGS="--kind 'every 10 s' --episodes 5"   some of one kind
@@ -14,20 +14,21 @@ from hashlib import sha256
 from pathlib import Path
 
 import armguard.maps
-from coordinating.judge import judged
+from coordinating.judge import Kind, judged
 from episodes.campaign import Campaign, Episode
 from episodes.records import Digest, Figures, version_of
 from pages import DOCS
 
-# Kinds: time from one item to the next [s], what is left out, and how many alternatives
-# each plan has in the bundled cell; None with opposite arms.
-KINDS: dict[str, tuple[float, str, int | None]] = {
-    "every 10 s": (10.0, "", None),
-    "every 7 s": (7.0, "", None),
-    "no hysteresis": (7.0, "hysteresis", None),
-    "no speed error": (7.0, "speed error", None),
-    "side by side": (7.0, "", 0),
-    "side by side, alternatives": (7.0, "", 2),
+KINDS = {
+    "every 10 s": Kind(10.0),
+    "every 7 s": Kind(7.0),
+    "no hysteresis": Kind(7.0, left_out="hysteresis"),
+    "no speed error": Kind(7.0, left_out="speed error"),
+    "side by side": Kind(7.0, "side by side"),
+    "side by side, alternatives": Kind(7.0, "side by side", alternatives=2),
+    "three robots": Kind(10.0, "three"),
+    "three robots, every 4 s": Kind(4.0, "three"),
+    "three robots, each pair by itself": Kind(4.0, "three", "circles"),
 }
 
 # Counts that break a promise, in words.
@@ -51,9 +52,8 @@ def version(kind: str) -> str:
 
 def coordinated(kind: str, seed: int) -> Episode:
     """An episode, judged; what comes of something left out is expected."""
-    every, left_out, alternatives = KINDS[kind]
-    found = judged(seed, every, left_out, alternatives)
-    if left_out:
+    found = judged(seed, KINDS[kind])
+    if KINDS[kind].left_out:
         found |= {f"expected_{key}": found.pop(key) for key in BROKEN}
     return {"seed": seed, **found}
 
@@ -101,7 +101,14 @@ CAMPAIGN = Campaign(
     is_broken=is_broken,
     is_notable=lambda episode: bool(digest(episode).outcome),
     count=100,
-    shares={"every 7 s": 0.2, "no hysteresis": 0.05, "no speed error": 0.05},
+    shares={
+        "every 7 s": 0.2,
+        "no hysteresis": 0.05,
+        "no speed error": 0.05,
+        "three robots": 0.05,
+        "three robots, every 4 s": 0.05,
+        "three robots, each pair by itself": 0.03,
+    },
     written=1,
     derived=derived,
 )

@@ -1,5 +1,6 @@
-"""Two Pandas at a belt, and random plans that pick from it and place at its sides."""
+"""Pandas at a belt, and random plans that pick from it and place at its sides."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -21,13 +22,16 @@ from arrays import Floats
 from batch_planning import primitives_of
 from peers.pinocchio_coal import build_models
 
-ROBOTS = ("left", "right")
+# Bases of arms, x across the belt and y along it [m], and how they are turned [rad].
+ARMS = {"left": (-0.52, -0.2, 0.0), "right": (0.52, 0.2, np.pi)}
 
-# Distance of each arm from the middle of the belt [m]; items arrive at y = BEGIN [m].
-ASIDE, BEGIN = 0.52, -1.6
+# A third one beside the left one, and the places at which three put items, x and y [m]:
+# left and third reach across each other's way, and each meets the right one.
+THIRD = {"third": (-0.52, 0.5, 0.0)}
+PLACES = {"left": (-0.16, 0.2), "right": (0.16, 0.6), "third": (-0.16, 0.08)}
 
-# How far each arm is along the belt, y [m].
-ALONG = (-0.2, 0.2)
+# Items arrive at y = BEGIN [m].
+BEGIN = -1.6
 
 # Where arms rest, drawn back from the belt [rad].
 REST = {"panda_joint2": -1.4, "panda_joint4": -2.6, "panda_joint6": 1.6}
@@ -65,31 +69,43 @@ STEPS, DAMPING, EXACT, MOST = 200, 1e-3, 1e-5, 0.2
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Two Pandas at a belt.
+    """Pandas at a belt.
 
     Attributes:
         scene: The scene.
         tables: The scene, links by their primitives.
         oracle: Coal on Pinocchio's kinematics.
-        sides: Primitives of each arm, and all that do not move.
+        sides: Primitives of each arm, by name.
+        still: Primitives that do not move.
         model: Pinocchio's model.
-        tools: Tool of each arm.
+        tools: Tool of each arm, by name.
     """
 
     scene: Scene
     tables: SceneTables
     oracle: CoalWorld
-    sides: tuple[list[int], list[int], list[int]]
+    sides: dict[str, list[int]]
+    still: list[int]
     model: Any
-    tools: tuple[Tool, Tool]
+    tools: dict[str, Tool]
 
 
 @cache
-def cell() -> Cell:
-    """The cell; its arms are by their primitives, which Coal has as well."""
+def opposite() -> Cell:
+    """Two arms at the two sides of a belt."""
+    return standing(ARMS)
+
+
+@cache
+def three_arms() -> Cell:
+    """Three arms at a belt; each two of them meet."""
+    return standing(ARMS | THIRD)
+
+
+def standing(arms: Mapping[str, tuple[float, float, float]]) -> Cell:
+    """The cell of arms with some bases, by their primitives, which Coal has."""
     scene = ag.Scene(mode="path", period=PERIOD)
-    aside, turns = (-ASIDE, ASIDE), (0.0, np.pi)
-    for name, x, y, turn in zip(ROBOTS, aside, ALONG, turns, strict=True):
+    for name, (x, y, turn) in arms.items():
         base = ag.Pose(xyz=(x, y, 0.0), rpy=(0.0, 0.0, turn))
         scene.add_robot("panda", name=name, base=base, home=REST)
     belt = ag.Box(size=(0.3, 3.4, 0.04))
@@ -106,36 +122,45 @@ def side_by_side() -> Cell:
 
 
 def cell_of(scene: Scene) -> Cell:
-    """The cell of a scene with two arms."""
+    """The cell of a scene."""
     tables = primitives_of(scene)
     moving = tables.robot_of_primitive.tolist()
-    left, right = ([i for i, r in enumerate(moving) if r == k] for k in range(2))
-    still = list(range(len(moving), len(tables.kinds)))
-    model, _ = build_models(tables)
-    tools = tool_of(tables, "left"), tool_of(tables, "right")
-    return Cell(scene, tables, CoalWorld(tables), (left, right, still), model, tools)
+    names = [part.name for part in tables.robots]
+    sides = {
+        n: [i for i, r in enumerate(moving) if r == k] for k, n in enumerate(names)
+    }
+    return Cell(
+        scene,
+        tables,
+        CoalWorld(tables),
+        sides,
+        list(range(len(moving), len(tables.kinds))),
+        build_models(tables)[0],
+        {name: tool_of(tables, name) for name in names},
+    )
 
 
-def reached(robot: int, goals: Floats) -> Floats:
+def reached(one: Cell, robot: str, goals: Floats) -> Floats:
     """Rows of a scene at which an arm's tool points down at places, shape (k, n).
 
     Args:
-        robot: The arm, 0 or 1.
+        one: The cell.
+        robot: The arm.
         goals: Places, shape (k, 3) [m].
     """
-    one = cell()
     tool, model = one.tools[robot], one.model
     data, q = model.createData(), one.scene.home.copy()
     rows = np.empty((len(goals), len(q)))
     joint = model.getJointId(f"body{tool.body}")
     at = pin.SE3(tool.R_body, tool.p_body)
-    turn = np.diag([1.0, -1.0, -1.0]) if robot == 0 else np.diag([-1.0, 1.0, -1.0])
-    own = np.array([n.startswith(f"{ROBOTS[robot]}/panda_joint") for n in names()])
-    source, _ = of_joints()
+    side = np.sign(PLACES[robot][0])
+    turn = np.diag([-side, side, -1.0])
+    own = np.array([n.startswith(f"{robot}/panda_joint") for n in one.scene.q_names])
+    source, _ = of_joints(one)
     for k, goal in enumerate(goals):
         wanted = pin.SE3(turn, goal)
         for _ in range(STEPS):
-            pin.computeJointJacobians(model, data, joint_places(q))
+            pin.computeJointJacobians(model, data, joint_places(one, q))
             error = pin.log6((data.oMi[joint] * at).actInv(wanted)).vector
             if np.abs(error).max() < EXACT:
                 break
@@ -154,38 +179,27 @@ def reached(robot: int, goals: Floats) -> Floats:
     return rows
 
 
-def of_joints() -> tuple[Any, Floats]:
+def of_joints(one: Cell) -> tuple[Any, Floats]:
     """Joint of a scene that each of Pinocchio's follows, and how it does."""
-    tables = cell().tables
+    tables = one.tables
     moving = np.flatnonzero(tables.joint_kind != 0)
     return tables.q_index[moving], tables.gain[moving]
 
 
-def joint_places(q: Floats) -> Floats:
+def joint_places(one: Cell, q: Floats) -> Floats:
     """Positions of Pinocchio's joints."""
-    source, gain = of_joints()
+    source, gain = of_joints(one)
     return np.asarray(q[source] * gain[:, 0] + gain[:, 1])
 
 
-def names() -> tuple[str, ...]:
-    """Names of all joints."""
-    return tuple(cell().scene.q_names)
-
-
-def tool_at(robot: int, q: Floats) -> Floats:
-    """Place of an arm's tool, shape (3,) [m]."""
-    one = cell()
-    tool, data = one.tools[robot], one.model.createData()
-    pin.forwardKinematics(one.model, data, joint_places(q))
-    frame = data.oMi[one.model.getJointId(f"body{tool.body}")]
-    return np.asarray(frame.rotation @ tool.p_body + frame.translation)
-
-
-def pick(robot: int, first: float, across: float, place: list[float]) -> LinePlan:
+def pick(
+    one: Cell, robot: str, first: float, across: float, place: tuple[float, float]
+) -> LinePlan:
     """A plan that picks an item from the belt and places it at a side.
 
     Args:
-        robot: The arm, 0 or 1.
+        one: The cell.
+        robot: The arm.
         first: Where the tool begins to follow, y [m].
         across: Where the item is on the belt, x [m].
         place: Where it is placed, x and y [m].
@@ -201,18 +215,18 @@ def pick(robot: int, first: float, across: float, place: list[float]) -> LinePla
     )
     over, at = [*place, HIGH], [*place, LOW]
     goals = np.vstack((belt, [over, at, over]))
-    rows = reached(robot, goals)
-    home = cell().scene.home[None]
+    rows = reached(one, robot, goals)
+    home = one.scene.home[None]
     every = np.vstack((home, rows, home))
     needs = np.abs(np.diff(every, axis=0)).max(axis=1) / PACE
     needs = np.maximum(needs, LEAST)
     needs[1 : len(belt)] = EVERY
     times = np.concatenate(([0.0], np.cumsum(needs)))
-    motion = Trajectory(names(), every, times, "pick")
-    plan = ag.Plan.of(motion, cell().scene, interpolation="cubic")
+    motion = Trajectory(tuple(one.scene.q_names), every, times, "pick")
+    plan = ag.Plan.of(motion, one.scene, interpolation="cubic")
     start = float(times[1]) + RUN_UP
     track = Track(start, start + FOLLOWS, first - BEGIN, MADE_FOR)
-    return LinePlan(ROBOTS[robot], CellPlan(plan, FOLLOWING, SKEW), track)
+    return LinePlan(robot, CellPlan(plan, FOLLOWING, SKEW), track)
 
 
 def bundled_plans(alternatives: int) -> dict[str, LinePlan]:
@@ -225,25 +239,49 @@ def bundled_plans(alternatives: int) -> dict[str, LinePlan]:
     job = model_of(source, LineJobModel, LinePlanEntry)
     given = line_plans(source, job, FOLDER, side_by_side().scene)
     found = {n: replace(one, alternatives=alternatives) for n, one in given.items()}
-    for robot in ROBOTS:
+    for robot in side_by_side().sides:
         one = found[f"{robot} late"]
         found[f"{robot} without item"] = replace(one, track=None)
     return found
 
 
 def plans_of(seed: int) -> dict[str, LinePlan]:
-    """Plans of each arm, one for each place at which it may begin to follow.
-
-    A last one goes the same way without an item.
-    """
+    """Random plans of two opposite arms."""
     rng, found = np.random.default_rng([seed, 95]), dict[str, LinePlan]()
-    for robot, name in enumerate(ROBOTS):
-        side = -1.0 if robot == 0 else 1.0
+    for name, (_, along, _) in ARMS.items():
         across = rng.uniform(-0.03, 0.03)
         end = float(rng.choice([-1, 1]) * rng.uniform(0.36, 0.44))
-        place = [side * rng.uniform(0.12, 0.2), ALONG[robot] + end]
-        for first in FIRST:
-            one = pick(robot, ALONG[robot] + first, across, place)
-            found[f"{name} at {first:+.2f}"] = one
-        found[f"{name} without item"] = LinePlan(name, one.plan)
+        side = float(np.sign(PLACES[name][0]))
+        place = side * rng.uniform(0.12, 0.2), along + end
+        found |= plans_to(opposite(), name, along, across, place)
     return found
+
+
+def three_plans() -> dict[str, LinePlan]:
+    """Plans of three arms."""
+    found = dict[str, LinePlan]()
+    for name, (_, along, _) in (ARMS | THIRD).items():
+        found |= plans_to(three_arms(), name, along, 0.0, PLACES[name])
+    return found
+
+
+def plans_to(
+    one: Cell, name: str, along: float, across: float, place: tuple[float, float]
+) -> dict[str, LinePlan]:
+    """Plans of an arm, one for each place at which it may begin to follow.
+
+    A last one goes the same way without an item.
+
+    Args:
+        one: The cell.
+        name: The arm.
+        along: Place of its base along the belt, y [m].
+        across: Where items are on the belt, x [m].
+        place: Where it puts them, x and y [m].
+    """
+    found = {
+        f"{name} at {first:+.2f}": pick(one, name, along + first, across, place)
+        for first in FIRST
+    }
+    last = [*found.values()][-1]
+    return found | {f"{name} without item": LinePlan(name, last.plan)}

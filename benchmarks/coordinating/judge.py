@@ -1,17 +1,19 @@
-"""Two arms at a belt with late and early items, beside the guard; Coal judges."""
+"""Arms at a belt with late and early items, beside the guard; Coal judges."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import combinations
 from time import thread_time
 from typing import Any
 
 import numpy as np
 
 import armguard as ag
+from armguard.maps.lane import Lanes
 from armguard.maps.line_cell import Job, LineCell, LinePlan
 from armguard.maps.online import GAIN, Line
-from armguard.maps.right_of_way import Order
+from armguard.maps.right_of_way import Order, RightOfWay
 from armguard.respond.command import Action
 from armguard.simulation.plant import Imperfection, Plant
 from arrays import Floats
@@ -22,9 +24,11 @@ from coordinating.cells import (
     PERIOD,
     Cell,
     bundled_plans,
-    cell,
+    opposite,
     plans_of,
     side_by_side,
+    three_arms,
+    three_plans,
 )
 
 # Pairs of jobs in an episode.
@@ -91,11 +95,8 @@ class Belt:
 class Alone(Line):
     """Robots that are not in each other's way, for comparison."""
 
-    def _order(self, first: int) -> Order:
-        a, b = (lane.plan for lane in self.lanes)
-        k, m = self.cell.crossings[a, b].blocked.shape
-        needs = np.zeros(k, dtype=np.intp), np.zeros(m, dtype=np.intp)
-        return Order(first, needs, tight=False)
+    def _order(self, *_: Any) -> Order:
+        return Order(((), ()), tight=False)
 
 
 class ByUsualSpeed(Line):
@@ -118,6 +119,76 @@ class ByUsualSpeed(Line):
         return span[0] + since * USUAL / MADE_FOR
 
 
+class ByPairs(Line):
+    """Coordination that looks at every two robots by themselves.
+
+    What two of them need may close a circle with what they need of a third one.
+    """
+
+    def __init__(self, known: LineCell) -> None:
+        super().__init__(known)
+        self._lanes = PairLanes(known, self.lanes)
+
+
+class PairLanes(Lanes):
+    """Robots of which every two are looked at by themselves."""
+
+    def cost(self, right: RightOfWay) -> float:
+        """See `Lanes.cost`."""
+        return sum(super(PairLanes, self).cost(one) for one in self._pairs(right))
+
+    def in_time(self, right: RightOfWay) -> bool:
+        """See `Lanes.in_time`."""
+        return all(super(PairLanes, self).in_time(one) for one in self._pairs(right))
+
+    def _pairs(self, right: RightOfWay) -> list[RightOfWay]:
+        """The right of way of every two."""
+        count = len(self._each)
+        return [RightOfWay({pair: one}, count) for pair, one in right.orders.items()]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of episodes.
+
+    Attributes:
+        every: Time from one item to the next [s].
+        arms: Where arms are: "opposite", with plans of the seed; "side by side", the
+            bundled cell; "three".
+        left_out: "" for coordination as it is; "hysteresis"; "speed error" where an arm
+            that follows the belt is taken to be where the usual speed has it; "circles"
+            where every two robots are looked at by themselves.
+        alternatives: Alternatives of each plan of the bundled cell.
+    """
+
+    every: float
+    arms: str = "opposite"
+    left_out: str = ""
+    alternatives: int = 0
+
+    @property
+    def cell(self) -> Cell:
+        """Its cell."""
+        cells = {"side by side": side_by_side, "three": three_arms}
+        return cells.get(self.arms, opposite)()
+
+    def known(self, seed: int) -> LineCell:
+        """What is known of its arms with the plans of a seed."""
+        if self.arms == "three":
+            return three_cell()
+        if self.arms == "side by side":
+            return bundled_cell(self.alternatives)
+        return known_cell(seed)
+
+    def line(self, known: LineCell) -> Line:
+        """The coordination."""
+        if self.left_out == "speed error":
+            return ByUsualSpeed(known)
+        if self.left_out == "circles":
+            return ByPairs(known)
+        return Line(known, gain=0.0 if self.left_out == "hysteresis" else GAIN)
+
+
 @dataclass(slots=True)
 class Found:
     """What came of an episode.
@@ -138,23 +209,29 @@ class Found:
 
 
 @cache
-def guard(side: bool) -> ag.Guard:
-    """The guard of a cell, of arms side by side or opposite."""
-    one = side_by_side() if side else cell()
-    return ag.Guard(one.scene, self_test=False)
+def guard(arms: str) -> ag.Guard:
+    """The guard of a cell, see `Kind.arms`."""
+    return ag.Guard(Kind(0.0, arms).cell.scene, self_test=False)
 
 
 @cache
 def known_cell(seed: int) -> LineCell:
     """What is known of the arms with the plans of a seed."""
     plans = plans_of(seed)
-    return LineCell.of(cell().tables, plans, conveyor=CONVEYOR, floor=FLOOR)
+    return LineCell.of(opposite().tables, plans, conveyor=CONVEYOR, floor=FLOOR)
 
 
 @cache
 def bundled_cell(alternatives: int) -> LineCell:
     """What is known of the bundled cell, whose plans have alternatives."""
     plans, tables = bundled_plans(alternatives), side_by_side().tables
+    return LineCell.of(tables, plans, conveyor=CONVEYOR, floor=FLOOR)
+
+
+@cache
+def three_cell() -> LineCell:
+    """What is known of three arms."""
+    plans, tables = three_plans(), three_arms().tables
     return LineCell.of(tables, plans, conveyor=CONVEYOR, floor=FLOOR)
 
 
@@ -173,19 +250,14 @@ def arrivals(
 
 
 def executed(
-    line: Line,
-    seed: int,
-    every: float,
-    found: Found,
-    *,
-    guarded: bool,
-    side: bool = False,
+    line: Line, seed: int, kind: Kind, found: Found, *, guarded: bool
 ) -> float:
     """Execute an episode; returns the time at which all jobs are done [s]."""
-    rng, jobs = np.random.default_rng([seed, 97]), arrivals(seed, line.plans, every)
+    rng = np.random.default_rng([seed, 97])
+    jobs = arrivals(seed, line.plans, kind.every)
     belt, k, now, waiting = Belt(rng), 0, 0.0, True
-    judge, one = guard(side), side_by_side() if side else cell()
-    plant = Plant(one.scene, imperfection=Imperfection(seed=seed))
+    judge = guard(kind.arms)
+    plant = Plant(kind.cell.scene, imperfection=Imperfection(seed=seed))
     judge.reset()
     while (waiting or not line.idle) and now < PATIENCE:
         belt.advance(now)
@@ -197,8 +269,10 @@ def executed(
         start = thread_time()
         line.step(now, travel, speed)
         found.seconds.append(thread_time() - start)
-        found.count("both_yield", int(all(lane.yields for lane in line.lanes)))
-        found.count("yields", int(any(lane.yields for lane in line.lanes)))
+        yields = {(lane.robot, lane.yields_to) for lane in line.lanes if lane.yields_to}
+        both = any((other, robot) in yields for robot, other in yields)
+        found.count("both_yield", int(both))
+        found.count("yields", int(bool(yields)))
         begun = [e for e in line.events if "begins job" in e]
         found.count("aside", sum("alternative" in e for e in begun))
         line.events.clear()
@@ -226,11 +300,10 @@ def drive(line: Line, plant: Plant, judge: ag.Guard, now: float, found: Found) -
 
 
 def contacts(rows: list[Floats], one: Cell) -> int:
-    """States in which links of both arms touch, or one touches belt or tray."""
-    touching = 0
-    oracle, (left, right, still) = one.oracle, one.sides
-    pairs = [(i, j) for i in left for j in right]
-    pairs += [(i, j) for i in (*left[3:], *right[3:]) for j in still]
+    """States in which links of two arms touch, or one touches belt or tray."""
+    touching, oracle, arms = 0, one.oracle, one.sides.values()
+    pairs = [(i, j) for a, b in combinations(arms, 2) for i in a for j in b]
+    pairs += [(i, j) for arm in arms for i in arm[3:] for j in one.still]
     ends = np.array(pairs).T
     reach = oracle.radii[ends[0]] + oracle.radii[ends[1]]
     for q in rows:
@@ -241,32 +314,16 @@ def contacts(rows: list[Floats], one: Cell) -> int:
     return touching
 
 
-def judged(
-    seed: int, every: float, left_out: str = "", alternatives: int | None = None
-) -> dict[str, Any]:
-    """An episode of some job pairs, judged.
-
-    Args:
-        seed: Its seed.
-        every: Time from one item to the next [s].
-        left_out: "" for coordination as it is; "hysteresis"; "speed error" where an
-            arm that follows the belt is taken to be where the usual speed has it.
-        alternatives: Alternatives of each plan of the bundled cell; None for opposite
-            arms with plans of the seed.
-    """
-    side, found = alternatives is not None, Found()
-    known = known_cell(seed) if alternatives is None else bundled_cell(alternatives)
-    if left_out == "speed error":
-        line: Line = ByUsualSpeed(known)
-    else:
-        line = Line(known, gain=0.0 if left_out == "hysteresis" else GAIN)
-    time = executed(line, seed, every, found, guarded=True, side=side)
-    alone = Alone(known)
-    free = executed(alone, seed, every, Found(), guarded=False, side=side)
+def judged(seed: int, kind: Kind) -> dict[str, Any]:
+    """An episode of some job pairs, judged."""
+    found, known = Found(), kind.known(seed)
+    line, alone = kind.line(known), Alone(known)
+    time = executed(line, seed, kind, found, guarded=True)
+    free = executed(alone, seed, kind, Found(), guarded=False)
     picked, could = (2 * JOBS - len(x.missed) for x in (line, alone))
     return {
         "pairs": JOBS,
-        "contacts": contacts(found.rows, side_by_side() if side else cell()),
+        "contacts": contacts(found.rows, kind.cell),
         "states": len(found.rows),
         "seconds": time,
         "alone": free,

@@ -17,15 +17,14 @@ from armguard.cli.line_hands import (
     LONGEST_WAY,
     PAUSE,
     SLOW,
-    STALE,
-    Encoder,
     LineHands,
     LineStart,
 )
+from armguard.cli.line_input import STALE, LineInput
 from armguard.maps.cell_plan import CoordinationError
-from armguard.maps.job import read_line_job
+from armguard.maps.job import job_of, read_line_job
 from armguard.maps.line_cell import Job
-from armguard.maps.line_run import LineRun
+from armguard.maps.line_run import MOST_WAITING, LineRun
 from armguard.plans.verify import PlanVerifier
 from armguard.respond.command import Blocked
 from armguard.scene.conveyor import conveyor_job_path, conveyor_path
@@ -68,6 +67,10 @@ JOB = {
         {"t": 0.5, "plans": ["fetch"]},
     ],
 }
+
+
+# Of robots that are a cycle behind.
+LATE = {name: {**one, "skew": 0.05} for name, one in JOB["plans"].items()}
 
 
 def with_alternatives(count):
@@ -134,6 +137,7 @@ def test_the_motion_of_the_bundled_job_is_proven(tmp_path):
     [
         (["--belt"], "need a --port"),
         (["--recover"], "need a --port"),
+        (["--jobs"], "need a --port"),
         (["--motion", "m.csv", "--port", "1"], "--motion goes without"),
         (["--port", "1", "--engage"], "--engage needs --recover"),
     ],
@@ -155,7 +159,7 @@ def test_the_answer_as_json(folder):
     ("changed", "words"),
     [
         ({"jobs": [{"t": 0, "plans": ["fetsh"]}]}, "did you mean 'fetch'"),
-        ({"jobs": []}, "jobs"),
+        ({"jobs": []}, "jobs: has none; give one, or read them on line with --jobs"),
         ({"jobs": [{"t": float("nan"), "plans": ["fetch"]}]}, "jobs"),
         (
             {"plans": {**JOB["plans"], "fetch": {"robot": "lefd", "file": "left.csv"}}},
@@ -234,7 +238,8 @@ def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
         wait.wait(10.0)
         yield lines[-1]
 
-    hands = LineHands(job, Encoder(measurements()), says=unheard)
+    reads = LineInput(measurements(), belt=True, jobs=False)
+    hands = LineHands(job, reads, says=unheard)
     run = hands.run
     assert goes.wait(10.0)
     q, _ = run.line.motion()
@@ -247,6 +252,139 @@ def test_a_belt_that_is_not_measured_any_more_stops_both(folder, lines, words):
         hands.drive(0.02 * k, q, {})
     assert words in run.line.fault
     assert run.line.rests and not hands.moves
+
+
+@pytest.fixture
+def three(folder):
+    """A cell job of three robots, each two of which meet."""
+    third = "  third: {urdf: arm.urdf, base: {xyz: [0.85, 0, 0], rpy: [0, 0, 3.1416]},"
+    scene = f"{SCENE}{third} home: {{turn: -1.6}}}}\n"
+    (folder / "three.yaml").write_text(scene)
+    rows = "t,third/turn\n0,-1.6\n1,-1.6\n3,1.3\n5,-1.6\n6,-1.6\n"
+    (folder / "third.csv").write_text(rows)
+    plans = {**LATE, "turn": {"robot": "third", "file": "third.csv", "skew": 0.05}}
+    names = ("turn", "fetch", "carry", "turn", "carry", "fetch")
+    jobs = [{"t": 0.3 * k, "plans": [name]} for k, name in enumerate(names)]
+    return written(folder, scene="three.yaml", plans=plans, jobs=jobs)
+
+
+def test_three_robots_do_their_jobs_and_their_motion_is_proven_clear(folder, three):
+    motion = folder / "motion.csv"
+    words = ["coordinate", str(three), "--motion", str(motion)]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    # Each diagram is counted once: of three pairs of robots, with a plan each.
+    counts = re.findall(r"diagram of '.*' and '.*', (\d) of (\d)", answer.output)
+    assert counts == [("1", "3"), ("2", "3"), ("3", "3")]
+    assert "6 of 6 jobs done" in answer.stdout
+    scene = ag.load_scene(folder / "three.yaml")
+    assert PlanVerifier(scene).verify(ag.Plan.read(motion, scene)).clear
+
+
+def test_the_state_of_three_robots_names_that_which_passes_first(three):
+    hands = LineHands(read_line_job(three), None, says=unheard)
+    line, seen = hands.run.line, set()
+    for k in range(1200):
+        hands.drive(DT * k, line.motion()[0], {})
+        state = hands.state()
+        assert [one["name"] for one in state["robots"]] == ["left", "right", "third"]
+        for lane, one in zip(line.lanes, state["robots"], strict=True):
+            first = re.search(r"yields: (\w+) passes first", one["does"])
+            assert (first[1] if first else "") == lane.yields_to
+            seen.add((lane.robot, lane.yields_to))
+    assert len(line.finished) == 6 and not line.fault
+    assert {robot for robot, other in seen if other} >= {"right", "third"}
+
+
+BELT = {"slowest": 0.1, "fastest": 0.3, "speed": 0.2}
+
+
+def lined_up(folder, lines, *, belt=False, **changed):
+    """Hands that read lines, all of which are there, and positions of both robots."""
+    job = read_line_job(written(folder, plans=LATE, **changed), more=True)
+    reads = LineInput(lines, belt=belt, jobs=True)
+    for _ in range(1000):
+        if reads._closed:
+            break
+        time.sleep(0.01)
+    said = []
+    hands = LineHands(job, reads, says=lambda now, sentence: said.append(sentence))
+    return hands, hands.run.line.motion()[0], said
+
+
+def test_jobs_are_read_besides_those_of_the_file_and_wrong_lines_are_refused(folder):
+    lines = [
+        '{"plans": ["carry"]}\n',
+        "\n",
+        '{"plans": ["carri"]}\n',
+        '{"plans": ["carry"], "ofset": 1}\n',
+        '{"plans": ["carry"], "offset": NaN}\n',
+        '{"plans": []}\n',
+        "carry\n",
+        '{"plans": ["fetch"], "offset": 0.5}\n',
+    ]
+    hands, q, said = lined_up(folder, lines, jobs=JOB["jobs"][:1])
+    driven(hands, q, 16.0)
+    assert not hands.moves and not hands.run.line.fault
+    # One of the file, and the two that are right.
+    assert hands.run.summary()["done"] == [1, 2, 3]
+    assert hands.run.summary()["jobs"] == 3
+    refused = [one for one in said if one.startswith("refused: ")]
+    words = (
+        "'carri' is no plan; did you mean 'carry'",
+        "there is no such key; did you mean 'offset'",
+        "offset: is nan; it must be finite",
+        "plans: needs at least 1",
+        "'carry': is no JSON",
+    )
+    assert len(refused) == len(words)
+    assert all(word in one for word, one in zip(words, refused, strict=True))
+
+
+def test_the_coordination_ends_with_its_input_and_not_before(folder):
+    goes = Event()
+
+    def lines():
+        yield '{"plans": ["carry"]}\n'
+        goes.wait(10.0)
+        yield '{"plans": ["fetch"]}\n'
+
+    job = read_line_job(written(folder, plans=LATE, jobs=[]), more=True)
+    hands = LineHands(job, LineInput(lines(), belt=False, jobs=True), says=unheard)
+    time.sleep(0.1)
+    q, _ = driven(hands, hands.run.line.motion()[0], 6.0)
+    assert hands.moves and hands.run.line.idle
+    goes.set()
+    time.sleep(0.1)
+    driven(hands, q, 6.0, 6.0)
+    assert not hands.moves and hands.run.summary()["done"] == [1, 2]
+
+
+@pytest.mark.parametrize("wrong", ["0.1", "fetch", "[0.1, 0.2]"])
+def test_belt_and_jobs_share_a_line_each_and_a_wrong_measurement_stops_all(
+    folder, wrong
+):
+    lines = ["0.3 0.2\n", '{"plans": ["carry"]}\n']
+    hands, q, said = lined_up(folder, lines, belt=True, conveyor=BELT, jobs=[])
+    hands.drive(0.0, q, {})
+    assert said == ["right begins job 1, carry"]
+    assert hands.run.line.lanes[1].job.travel == 0.3
+    hands, q, _ = lined_up(
+        folder, [*lines, f"{wrong}\n"], belt=True, conveyor=BELT, jobs=[]
+    )
+    hands.drive(0.0, q, {})
+    time.sleep(2 * STALE)
+    hands.drive(DT, q, {})
+    fault = f"'{wrong}' is no travel and speed of the belt"
+    assert hands.run.line.fault.startswith(fault)
+
+
+def test_jobs_that_come_faster_than_they_are_done_are_refused(folder):
+    run = LineRun(read_line_job(written(folder, jobs=[]), more=True))
+    for _ in range(MOST_WAITING):
+        run.add(job_of('{"plans": ["fetch"]}'), 0.0)
+    with pytest.raises(CoordinationError, match="50 jobs wait already; send more"):
+        run.add(job_of('{"plans": ["fetch"]}'), 0.0)
 
 
 def test_robots_that_the_guard_holds_stop_both(folder):

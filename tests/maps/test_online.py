@@ -14,7 +14,7 @@ from armguard.maps.line_cell import Conveyor, Job, LineCell, LinePlan, Track
 from armguard.maps.line_run import LineRun
 from armguard.maps.online import Line
 from armguard.maps.right_of_way import STEP, Order
-from coordinating.judge import Found, executed, known_cell
+from coordinating.judge import Found, Kind, executed, known_cell
 from crossing import cell_of, plan_through
 from verifying.plans import World
 
@@ -55,8 +55,9 @@ def run(line, jobs, speed=lambda t: 0.2, seconds=120.0):
             line.add(Job(number, plans, travel=travel))
         moves = line.step(now, travel, speed(now))
         rows.append(line.motion()[0])
-        both.append(all(lane.yields for lane in line.lanes))
-        yields += any(lane.yields for lane in line.lanes)
+        names = {(lane.robot, lane.yields_to) for lane in line.lanes}
+        both.append(any(pair[::-1] in names for pair in names))
+        yields += any(lane.yields_to for lane in line.lanes)
         travel += CYCLE * speed(now)
         if not moves and not waiting:
             break
@@ -92,9 +93,8 @@ def test_arms_stay_apart_one_goes_on_and_all_jobs_end(world, known, seed):
 class Unheld(Line):
     """Arms that do not wait for each other."""
 
-    def _order(self, first):
-        order = super()._order(first)
-        return Order(first, tuple(0 * needs for needs in order.needs), tight=False)
+    def _order(self, *_):
+        return Order(((), ()), tight=False)
 
 
 def test_without_right_of_way_arms_touch(world, known):
@@ -143,7 +143,7 @@ def test_an_item_that_no_arm_can_reach_is_said_to_be_missed(known):
         ((np.nan, 0.1, 0.2), "time went from 0.5 s to nan s"),
     ],
 )
-def test_both_stop_for_a_measurement_that_cannot_be_right(known, measured, words):
+def test_all_stop_for_a_measurement_that_cannot_be_right(known, measured, words):
     line = Line(known)
     line.add(Job(0, ("left deep",)))
     for k in range(51):
@@ -165,7 +165,7 @@ def test_both_stop_for_a_measurement_that_cannot_be_right(known, measured, words
     [
         ({"track": replace(TRACK, speed=0.25)}, "made for 0.25 m/s, the belt moves at"),
         ({"track": replace(TRACK, start=0.2)}, "it follows the belt from 0.2 s"),
-        ({"robot": "left"}, "coordination on line is of two robots"),
+        ({"robot": "left"}, "plans of left alone; .* give another one a plan"),
     ],
 )
 def test_what_cannot_be_coordinated_is_refused_in_words(world, known, change, words):
@@ -230,7 +230,7 @@ def test_an_arm_that_cannot_wait_any_more_is_held_until_it_has_followed(known, b
     lane.place = start - before
     assert lane.stop > start
     pace = BELT.slowest / TRACK.speed
-    assert line._both.hold(lane, BELT.slowest)[0] == ceil(
+    assert line._lanes.hold(lane, BELT.slowest)[0] == ceil(
         (end - lane.place) / pace / STEP
     )
 
@@ -238,7 +238,7 @@ def test_an_arm_that_cannot_wait_any_more_is_held_until_it_has_followed(known, b
 def test_an_order_in_which_both_slow_down_is_not_taken_up():
     # The stream of items and the plans at which it was.
     found = Found()
-    executed(Line(known_cell(2)), 2, 10.0, found, guarded=False)
+    executed(Line(known_cell(2)), 2, Kind(10.0), found, guarded=False)
     assert found.counts["yields"] > 100
     assert found.counts["both_yield"] == 0
 
@@ -248,9 +248,8 @@ def test_a_robot_that_slows_down_again_and_again_is_reported_once():
     for k in range(400):
         now = CYCLE * k
         # It yields every other 0.3 s of the first two seconds.
-        lane.yields = now < 2.0 and (k // 30) % 2 == 0
-        said.append((now, lane.report(now, "right")))
-    said = [(round(now, 2), says) for now, says in said if says]
+        lane.yields_to = "right" if now < 2.0 and (k // 30) % 2 == 0 else ""
+        said += [(round(now, 2), says) for says in lane.report(now)]
     began, goes_on = said
     assert began == (0.0, "left yields to right")
     # Its last cycle of yielding is at 1.99 s.

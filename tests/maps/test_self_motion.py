@@ -168,7 +168,7 @@ def run(line, delay=0.0, seconds=60.0):
         events += line.events
         line.events.clear()
         rows.append(line.motion()[0])
-        yields += any(lane.yields for lane in line.lanes)
+        yields += any(lane.yields_to for lane in line.lanes)
         if not moves and CYCLE * k > delay:
             break
     assert sorted(line.finished) == [1, 2]

@@ -34,7 +34,7 @@ LISTED = {
     "replay": Listed("Judge a recording again, and compare the results bit by bit."),
     "report": Listed("Write a report about a recording, one HTML page."),
     "batch": Listed("Check many configurations, the rows of a file."),
-    "coordinate": Listed("Let two robots execute jobs as they arrive."),
+    "coordinate": Listed("Let robots execute jobs as they arrive."),
     "reserve": Listed("Find when each robot may start its plan."),
     "chaos": Listed("Inject faults into a simulated guard, and check the answers."),
     "map": Listed(

@@ -1,7 +1,8 @@
-"""`armguard coordinate`: two robots execute jobs as they arrive."""
+"""`armguard coordinate`: robots execute jobs as they arrive."""
 
 import sys
 from contextlib import closing
+from io import TextIOWrapper
 from pathlib import Path
 from time import monotonic
 from typing import Annotated
@@ -11,7 +12,8 @@ import typer
 from typer import Option
 
 from armguard.cli.console import CLEAR, TOO_CLOSE, Json, loading_bar, out, print_json
-from armguard.cli.line_hands import Encoder, LineHands, Says
+from armguard.cli.line_hands import LineHands, Says
+from armguard.cli.line_input import LineInput
 from armguard.cli.line_state import LINK
 from armguard.maps.job import read_line_job
 from armguard.maps.line_run import LineRun
@@ -51,6 +53,14 @@ def coordinate(
             "the belt moves at its usual speed."
         ),
     ] = False,
+    jobs: Annotated[
+        bool,
+        Option(
+            help="With --port: read jobs from standard input, besides those of the "
+            'file, a line of JSON each: {"plans": ["left early"], "offset": 0.1}. Ends '
+            "once the input has ended and all jobs are done."
+        ),
+    ] = False,
     recover: Annotated[
         bool,
         Option(
@@ -68,33 +78,33 @@ def coordinate(
     ] = False,
     motion: Annotated[
         Path | None,
-        Option(help="Without --port: CSV file for the motion of both robots."),
+        Option(help="Without --port: CSV file for the motion of all robots."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Let two robots execute jobs as they arrive, each waiting where the other passes.
+    """Let robots execute jobs as they arrive, each waiting where another passes.
 
-    Exit code 0 all jobs are done, 1 an item is missed or both robots stopped, 2 bad
+    Exit code 0 all jobs are done, 1 an item is missed or all robots stopped, 2 bad
     input.
     """
     drives = port is not None
-    if (drives and motion is not None) or (not drives and (belt or recover)):
+    if (drives and motion is not None) or (not drives and (belt or jobs or recover)):
         raise typer.BadParameter(
-            "--belt and --recover need a --port; --motion goes without one"
+            "--belt, --jobs and --recover need a --port; --motion goes without one"
         )
     if engage and not recover:
         raise typer.BadParameter("--engage needs --recover")
     with loading_bar() as progress:
-        read = read_line_job(job, progress)
+        read = read_line_job(job, progress, more=jobs)
     says = (lambda now, sentence: None) if json else print_event
     if port is None:
         run = LineRun(read)
         seconds = execute(run, motion, says)
     else:
-        encoder = Encoder(sys.stdin) if belt else None
+        reads = given_lines(belt, jobs) if belt or jobs else None
         with closing(LinkEnd(port, LINK)) as link:
             hands = LineHands(
-                read, encoder, says=says, recovers=recover, engages=engage, link=link
+                read, reads, says=says, recovers=recover, engages=engage, link=link
             )
             run, seconds = hands.run, drive(hands, port, key_file)
     found = {**run.summary(), "seconds": round(seconds, 3)}
@@ -106,6 +116,13 @@ def coordinate(
         assert isinstance(done, list)
         out.print(f"{len(done)} of {count} jobs done in {seconds:.1f} s", markup=False)
     raise typer.Exit(CLEAR if clear else TOO_CLOSE)
+
+
+def given_lines(belt: bool, jobs: bool) -> LineInput:
+    """What standard input brings; bytes that are no text make a wrong line."""
+    if isinstance(sys.stdin, TextIOWrapper):
+        sys.stdin.reconfigure(errors="replace")
+    return LineInput(sys.stdin, belt=belt, jobs=jobs)
 
 
 def execute(run: LineRun, motion: Path | None, says: Says) -> float:

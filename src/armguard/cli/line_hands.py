@@ -1,16 +1,15 @@
 """The coordination on line as what drives the robots of a service."""
 
-import threading
-from collections.abc import Callable, Iterable, Mapping
-from time import monotonic
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armguard.cli.line_input import PATIENCE, LineInput
 from armguard.cli.line_state import LineState
 from armguard.maps.cell_plan import CoordinationError, joints_of
-from armguard.maps.job import LineJob
+from armguard.maps.job import LineJob, job_of
 from armguard.maps.line_run import LEADS_BACK, LineRun
 from armguard.maps.online import Line
 from armguard.respond.command import Blocked
@@ -21,51 +20,12 @@ Floats = NDArray[np.float64]
 # Called with the time of a decision [s], and its sentence.
 Says = Callable[[float, str], None]
 
-# How long what measures the belt gets to answer at first [s].
-PATIENCE = 10.0
-
-# A measurement of the belt that is older stops both robots [s].
-STALE = 0.1
-
 # Joints are led to where plans begin at most this fast [rad/s or m/s], up to this share
 # of the errors that plans declare [-].
 SLOW, WITHIN = 0.3, 0.5
 
 # How long that may take, and time at rest before jobs go on [s].
 LONGEST_WAY, PAUSE = 60.0, 1.0
-
-
-class Encoder:
-    """Reads how far a belt has moved, and its speed, from lines of two numbers.
-
-    Args:
-        lines: Lines as they come: travel [m], and speed [m/s].
-    """
-
-    def __init__(self, lines: Iterable[str]) -> None:
-        self._newest, self._stamp = (np.nan, np.nan), -np.inf
-        self._wrong = ""
-        threading.Thread(target=self._read, args=(lines,), daemon=True).start()
-
-    def _read(self, lines: Iterable[str]) -> None:
-        for line in lines:
-            try:
-                travel, speed = map(float, line.split())
-            except ValueError:
-                self._wrong = line.strip()[:40]
-                return
-            self._newest, self._stamp = (travel, speed), monotonic()
-
-    def measured(self) -> tuple[float, float] | None:
-        """The newest travel [m] and speed [m/s]; None if they are too old."""
-        return self._newest if monotonic() - self._stamp <= STALE else None
-
-    @property
-    def problem(self) -> str:
-        """Why there is no measurement, in words."""
-        if self._wrong:
-            return f"'{self._wrong}' is no travel and speed of the belt; give m and m/s"
-        return f"the belt was not measured for {STALE:g} s"
 
 
 class LineStart:
@@ -150,7 +110,8 @@ class LineHands:
 
     Args:
         job: The cell job.
-        encoder: What measures the belt; None if it moves at its usual speed.
+        reads: What measures the belt, which moves at its usual speed else, and what
+            brings jobs; None for neither.
         says: Called with each decision.
         recovers: Whether robots are led to where their plans begin, at the start and
             after a stop, behind which later jobs are executed.
@@ -161,7 +122,7 @@ class LineHands:
     def __init__(
         self,
         job: LineJob,
-        encoder: Encoder | None,
+        reads: LineInput | None,
         *,
         says: Says,
         recovers: bool = False,
@@ -169,7 +130,8 @@ class LineHands:
         link: LinkEnd | None = None,
     ) -> None:
         self.engages, self.moves, self.now = engages, True, 0.0
-        self.run, self._encoder, self._recovers = LineRun(job), encoder, recovers
+        self.run, self._reads, self._recovers = LineRun(job), reads, recovers
+        self._measures = reads is not None and reads.measures
         self._begin = LineStart(job, self.run.line.motion()[0], recovers)
         self._start: float | None = None
         # Why no job may begin, in words, and since when all robots are there [s].
@@ -187,6 +149,8 @@ class LineHands:
         if self._start is not None:
             self.now = t - self._start
         belt = self._measured()
+        if self._reads is not None and belt is not None:
+            self._take_jobs(self._reads, belt[0])
         desired = self._begins(t, q, bool(held), belt) if self._before else None
         if desired is None:
             desired = self._execute(q, blocked, held, belt)
@@ -207,9 +171,22 @@ class LineHands:
 
     def _measured(self) -> tuple[float, float] | None:
         """Travel [m] and speed [m/s] of the belt; None if it is not measured."""
-        if self._encoder is None:
+        if self._reads is None or not self._measures:
             return self._speed * self.now, self._speed
-        return self._encoder.measured()
+        return self._reads.measured()
+
+    def _take_jobs(self, reads: LineInput, travel: float) -> None:
+        """Take jobs that were read; a line that is none is refused in words.
+
+        Args:
+            reads: What brings them.
+            travel: How far the belt has moved [m].
+        """
+        for line in reads.jobs():
+            try:
+                self.run.add(job_of(line), travel)
+            except CoordinationError as error:
+                self.run.line.events.append(f"refused: {error}")
 
     def _begins(
         self, t: float, q: Floats, held: bool, belt: tuple[float, float] | None
@@ -232,8 +209,8 @@ class LineHands:
         if belt is None and t - self._there < PATIENCE:
             self._before = "waits until the belt is measured"
             return np.zeros_like(q)
-        if belt is None and self._encoder is not None:
-            self._gives_up(self._encoder.problem)
+        if belt is None and self._reads is not None:
+            self._gives_up(self._reads.problem)
             return None
         if line.fault and t - self._there < PAUSE:
             self._before = "goes on soon"
@@ -246,10 +223,10 @@ class LineHands:
         return None
 
     def _gives_up(self, why: str) -> None:
-        """Stop both robots for good."""
+        """Stop all robots for good."""
         line, self._before, self._recovers = self.run.line, "", False
         if line.fault:
-            line.events.append(f"both stay stopped: {why}")
+            line.events.append(f"all stay stopped: {why}")
         line.stop(why)
 
     def _go_on(self) -> None:
@@ -274,9 +251,11 @@ class LineHands:
         line = self.run.line
         for name in held:
             line.stop(f"the guard holds {name}: {blocked[name].sentence}")
-        if belt is None and self._encoder is not None:
-            line.stop(self._encoder.problem)
+        if belt is None and self._reads is not None:
+            line.stop(self._reads.problem)
         self.moves = self.run.step(self.now, belt or self._belt)
+        if self._reads is not None and not line.fault:
+            self.moves |= not self._reads.ended
         if not line.fault and belt is not None:
             self._belt = belt
         desired = self.run.velocities(q)

@@ -112,7 +112,7 @@ class LineState:
         lost = set(line.missed)
         found: dict[str, Any] = {
             "now": round(now, 1),
-            "robots": [self._robot(k, before) for k in (0, 1)],
+            "robots": [self._robot(lane, before) for lane in line.lanes],
             "items": self._items(travel, speed),
             "waiting": len(line.queue),
             "done": len(set(line.finished) - lost),
@@ -124,23 +124,22 @@ class LineState:
             found["belt"] = [round(speed, 3), belt.slowest, belt.fastest]
         return found
 
-    def _robot(self, k: int, before: str) -> dict[str, Any]:
+    def _robot(self, lane: Lane, before: str) -> dict[str, Any]:
         """State of a robot: its job, how much of it is done, and a sentence."""
         line = self._run.line
-        lane, other = line.lanes[k], line.lanes[1 - k]
         share = lane.place / line.plans[lane.plan].plan.plan.duration
         does = before or does_in_words(lane, self._picks[lane.plan])
         if line.fault and not before:
             does = "slows down and stops" if lane.pace else "stopped"
-        elif lane.yields:
-            left = waits_for(line, k)
+        elif lane.yields_to:
+            left = waits_for(line, lane)
             until = f", {left:.1f} s more" if left > 0.0 else ""
-            does += f" – yields: {other.robot} passes first{until}"
+            does += f" – yields: {lane.yields_to} passes first{until}"
         return {
             "name": lane.robot,
             "job": None if lane.job is None else lane.job.number,
             "share": 0.0 if lane.job is None else round(share, 3),
-            "yields": lane.yields,
+            "yields": bool(lane.yields_to),
             "does": does,
         }
 
@@ -172,7 +171,7 @@ class LineState:
 
 
 def does_in_words(lane: Lane, pick: Pick | None) -> str:
-    """What a robot does, without the other one."""
+    """What a robot does, without the others."""
     if lane.job is None:
         return "rests until it can begin a job"
     number = lane.job.number
@@ -192,14 +191,13 @@ def does_in_words(lane: Lane, pick: Pick | None) -> str:
     return "goes back"
 
 
-def waits_for(line: Line, k: int) -> float:
-    """Least time after which the other robot has passed [s]; 0 if it has now.
+def waits_for(line: Line, lane: Lane) -> float:
+    """Least time after which the robot passes that one yields to [s]; 0 if it has.
 
     Args:
         line: The coordination.
-        k: The robot that waits, 0 or 1.
+        lane: The robot that waits.
     """
-    place = line.lanes[1 - k].place
-    limit, needs = line.order.limit(k, line.seen(1 - k)), line.order.needs[k]
-    node = int(limit / STEP) + 1 if np.isfinite(limit) else len(needs)
-    return max(STEP * int(needs[node]) - place, 0.0) if node < len(needs) else 0.0
+    k, other = (line.cell.robots.index(one) for one in (lane.robot, lane.yields_to))
+    gate = line.right_of_way.gate(k, other, line.seen(other))
+    return max(STEP * gate[1] - line.lanes[other].place, 0.0) if gate else 0.0

@@ -271,7 +271,7 @@ class Coordinator:
     def diagrams(
         self, tubes: Mapping[str, Tube], resolution: float
     ) -> tuple[Diagram, ...]:
-        """The diagrams of every two robots.
+        """The diagrams of every two robots of which tubes are given.
 
         Args:
             tubes: What holds the joints of each robot, see `CellPlan.tube`.
@@ -279,7 +279,9 @@ class Coordinator:
         """
         both = zip(self._makers, combinations(self._robots, 2), strict=True)
         return tuple(
-            maker.diagram((tubes[a], tubes[b]), resolution) for maker, (a, b) in both
+            maker.diagram((tubes[a], tubes[b]), resolution)
+            for maker, (a, b) in both
+            if a in tubes and b in tubes
         )
 
     def is_clear(self, robot: str, tube: Tube, resolution: float) -> bool:

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
+from armguard.bounded import shown
 from armguard.errors import did_you_mean
-from armguard.maps.cell_plan import CellPlan
+from armguard.maps.cell_plan import CellPlan, CoordinationError
 from armguard.maps.coordination import CoordinationMap, Coordinator
 from armguard.maps.line_cell import Conveyor, LineCell, LinePlan, Track
 from armguard.plans.plan import Plan
@@ -21,8 +22,9 @@ from armguard.scene.schema import (
     Positive,
     Strict,
     model_of,
+    sentence_of,
 )
-from armguard.scene.yaml_source import YamlSource
+from armguard.scene.yaml_source import YamlSource, dotted
 
 # A plan has so many alternatives at most; the proofs of each take seconds.
 MOST_ALTERNATIVES = 4
@@ -171,36 +173,44 @@ class ConveyorEntry(Strict):
     speed: Positive
 
 
-class ArrivalEntry(Strict):
-    """A job that arrives.
+class JobEntry(Strict):
+    """A job.
 
     Attributes:
-        t: When [s].
         plans: Plans that can do it, that which is preferred first.
         offset: Place on the belt at which its item arrives [m].
     """
 
-    t: NotNegative
     plans: Annotated[tuple[Name, ...], Field(min_length=1)]
     offset: Number = 0.0
 
 
+class ArrivalEntry(JobEntry):
+    """A job that arrives.
+
+    Attributes:
+        t: When [s].
+    """
+
+    t: NotNegative
+
+
 class LineJobModel(Strict):
-    """A cell job of two robots that are coordinated on line.
+    """A cell job of robots that are coordinated on line.
 
     Attributes:
         scene: Its scene file, relative to the job.
         floor: See `JobModel`.
         conveyor: The belt, if there is one.
         plans: Plans that jobs use, by name.
-        jobs: Jobs that arrive.
+        jobs: Jobs that arrive, besides those that are read on line.
     """
 
     scene: Name
     floor: NotNegative = 0.0
     conveyor: ConveyorEntry | None = None
     plans: Annotated[dict[Name, LinePlanEntry], Field(min_length=2)]
-    jobs: Annotated[tuple[ArrivalEntry, ...], Field(min_length=1)]
+    jobs: tuple[ArrivalEntry, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,12 +230,15 @@ class LineJob:
     arrivals: tuple[ArrivalEntry, ...]
 
 
-def read_line_job(path: Path, progress: Progress | None = None) -> LineJob:
+def read_line_job(
+    path: Path, progress: Progress | None = None, *, more: bool = False
+) -> LineJob:
     """A cell job for coordination on line, its plans proven against each other.
 
     Args:
         path: The job, YAML.
-        progress: See `load_scene`.
+        progress: See `load_scene` and `LineCell.of`.
+        more: Whether jobs are read on line as well, so that it need not have any.
 
     Raises:
         SceneFileError: The file is no such job, or its scene file is wrong.
@@ -234,6 +247,9 @@ def read_line_job(path: Path, progress: Progress | None = None) -> LineJob:
     """
     source = YamlSource(path)
     job = model_of(source, LineJobModel, LinePlanEntry)
+    if not job.jobs and not more:
+        sentence = "has none; give one, or read them on line with --jobs"
+        raise source.problem(("jobs",), sentence)
     scene = load_scene(path.parent / job.scene, progress=progress)
     plans = line_plans(source, job, path.parent, scene)
     for k, arrival in enumerate(job.jobs):
@@ -248,9 +264,28 @@ def read_line_job(path: Path, progress: Progress | None = None) -> LineJob:
         if not belt.slowest <= speed <= belt.fastest:
             sentence = "must be from 'slowest' to 'fastest'"
             raise source.problem(("conveyor", "speed"), sentence)
-    cell = LineCell.of(scene, plans, conveyor=belt, floor=job.floor)
+    cell = LineCell.of(scene, plans, conveyor=belt, floor=job.floor, progress=progress)
     arrivals = tuple(sorted(job.jobs, key=lambda one: one.t))
     return LineJob(scene, cell, speed, arrivals)
+
+
+def job_of(line: str) -> JobEntry:
+    """A job on a line of text: a JSON object with the keys of `JobEntry`.
+
+    Raises:
+        CoordinationError: It is none.
+    """
+    try:
+        return JobEntry.model_validate_json(line)
+    except ValidationError as errors:
+        error = errors.errors(include_url=False)[0]
+    where, sentence = dotted(error["loc"]), sentence_of(dict(error))
+    if error["type"] == "extra_forbidden":
+        sentence = f"there is no such key; {did_you_mean(where, JobEntry.model_fields)}"
+    elif error["type"] == "json_invalid":
+        sentence = f"is no JSON: {error['ctx']['error']}"
+    parts = filter(None, (f"'{shown(line)}'", where, sentence))
+    raise CoordinationError(": ".join(parts))
 
 
 def line_plans(

@@ -1,8 +1,8 @@
-"""Two robots and the plans that their jobs use, before jobs arrive."""
+"""Robots and the plans that their jobs use, before jobs arrive."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations
 from typing import Self
 
 import numpy as np
@@ -13,6 +13,7 @@ from armguard.maps.coordination import Coordinator
 from armguard.maps.right_of_way import STEP, Crossing
 from armguard.maps.self_motion import SelfMotion
 from armguard.scene import Scene
+from armguard.scene.meshes import Progress
 from armguard.scene.tables import SceneTables
 
 Floats = NDArray[np.float64]
@@ -131,18 +132,18 @@ class Job:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineCell:
-    """What is known of two robots before jobs arrive.
+    """What is known of two or more robots before jobs arrive.
 
     Attributes:
         robots: The robots.
         plans: Plans that jobs use, and their alternatives, by name.
         conveyor: The belt, if there is one.
-        crossings: Of each plan of the first robot and each of the second. Two
-            alternatives have none: robots do not both leave their plans at once.
+        crossings: Of each two plans of two robots, the earlier robot's first. Two
+            alternatives have none: two robots do not both leave their plans at once.
         q_names: Names of all joints of the scene.
     """
 
-    robots: tuple[str, str]
+    robots: tuple[str, ...]
     plans: Mapping[str, LinePlan]
     conveyor: Conveyor | None
     crossings: Mapping[tuple[str, str], Crossing]
@@ -161,6 +162,7 @@ class LineCell:
         *,
         conveyor: Conveyor | None = None,
         floor: float = 0.0,
+        progress: Progress | None = None,
     ) -> Self:
         """Prove which parts of plans may be executed together.
 
@@ -168,19 +170,21 @@ class LineCell:
             scene: The scene, or its tables.
             plans: See `plans`.
             conveyor: See `conveyor`.
-            floor: Least distance that links of both robots have to keep [m].
+            floor: Least distance that links of two robots have to keep [m].
+            progress: Called before each diagram, with its plans, its number and how
+                many there are.
 
         Raises:
-            CoordinationError: There are not two robots, a plan cannot follow the belt,
-                the plans of a robot do not join, one begins or ends where the other
+            CoordinationError: There are fewer than two robots, a plan cannot follow the
+                belt, the plans of a robot do not join, one begins or ends where another
                 robot passes, or has no alternative though these are required.
             TrajectoryError: A plan is none of its robot.
         """
         robots = tuple(dict.fromkeys(one.robot for one in plans.values()))
-        if len(robots) != 2:
+        if len(robots) < 2:
             raise CoordinationError(
-                f"there are plans of {', '.join(robots) or 'no robot'}; coordination "
-                "on line is of two robots"
+                f"there are plans of {', '.join(robots) or 'no robot'} alone; "
+                "coordination on line is of two robots or more: give another one a plan"
             )
         check_tracks(plans, conveyor)
         coordinator = Coordinator(scene, robots, floor=floor)
@@ -189,25 +193,46 @@ class LineCell:
         every = dict(plans)
         for name in plans:
             every |= alternatives_of(coordinator, name, plans)
-        own = [[n for n, one in every.items() if one.robot == r] for r in robots]
-        tubes = {
-            name: one.plan.tube(coordinator.tables, one.robot)
-            for name, one in every.items()
-        }
-        crossings = {}
-        for a, b in product(*own):
-            both = every[a], every[b]
-            if all(one.instead_of for one in both):
-                continue
-            near = {every[name].robot: tubes[name] for name in (a, b)}
-            (diagram,) = coordinator.diagrams(near, FINEST)
-            crossing = Crossing(diagram, [one.reserved for one in both], SPARE)
-            blocked = blocked_end(crossing, a, b)
-            if not blocked:
-                crossings[a, b] = crossing
-            elif not any(one.instead_of for one in both):
-                raise CoordinationError(blocked)
-        return cls((robots[0], robots[1]), every, conveyor, crossings, names)
+        crossings = crossings_of(coordinator, robots, every, progress)
+        return cls(robots, every, conveyor, crossings, names)
+
+
+def crossings_of(
+    coordinator: Coordinator,
+    robots: Sequence[str],
+    plans: Mapping[str, LinePlan],
+    progress: Progress | None,
+) -> dict[tuple[str, str], Crossing]:
+    """See `LineCell.crossings`.
+
+    Raises:
+        CoordinationError: A plan begins or ends where another robot passes.
+    """
+    tubes = {
+        n: one.plan.tube(coordinator.tables, one.robot) for n, one in plans.items()
+    }
+    pairs = [
+        (a, b)
+        for robot, other in combinations(robots, 2)
+        for a, one in plans.items()
+        for b, two in plans.items()
+        if (one.robot, two.robot) == (robot, other)
+        and not (one.instead_of and two.instead_of)
+    ]
+    crossings = {}
+    for number, (a, b) in enumerate(pairs, 1):
+        if progress is not None:
+            progress(f"diagram of '{a}' and '{b}'", number, len(pairs))
+        both = plans[a], plans[b]
+        near = {plans[name].robot: tubes[name] for name in (a, b)}
+        (diagram,) = coordinator.diagrams(near, FINEST)
+        crossing = Crossing(diagram, [one.reserved for one in both], SPARE)
+        blocked = blocked_end(crossing, a, b)
+        if not blocked:
+            crossings[a, b] = crossing
+        elif not any(one.instead_of for one in both):
+            raise CoordinationError(blocked)
+    return crossings
 
 
 def alternatives_of(

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from armguard.maps.cell_plan import joints_of
-from armguard.maps.job import LineJob
+from armguard.maps.cell_plan import CoordinationError, joints_of
+from armguard.maps.job import JobEntry, LineJob
 from armguard.maps.lane import curve_at
 from armguard.maps.line_cell import Job
 from armguard.maps.online import Line
@@ -18,6 +18,9 @@ LEADS_BACK = 4.0
 
 # Robots that rest for so long while jobs wait stay at rest [s].
 PATIENCE = 30.0
+
+# Jobs from outside that wait at most; a cycle looks through them.
+MOST_WAITING = 50
 
 
 class LineRun:
@@ -44,7 +47,7 @@ class LineRun:
         }
 
     def step(self, now: float, belt: tuple[float, float] | None = None) -> bool:
-        """Decide how far both robots go until the next cycle.
+        """Decide how far all robots go until the next cycle.
 
         Args:
             now: Time since the start of the job [s].
@@ -68,10 +71,27 @@ class LineRun:
             return not line.rests
         return moves or bool(self._arrivals)
 
+    def add(self, job: JobEntry, travel: float) -> None:
+        """Add a job that arrives now, besides those of the file.
+
+        Args:
+            job: The job.
+            travel: How far the belt has moved [m].
+
+        Raises:
+            CoordinationError: It has an unknown plan, or too many jobs wait.
+        """
+        if len(self.line.queue) >= MOST_WAITING:
+            raise CoordinationError(
+                f"{MOST_WAITING} jobs wait already; send more once one of them begins"
+            )
+        self.line.add(Job(self._count + 1, job.plans, job.offset, travel))
+        self._count += 1
+
     def velocities(self, q: Floats) -> Floats:
         """Desired velocities of all joints, shape (n,) [rad/s or m/s].
 
-        Both robots stop if one of them is not where the plans were proven for.
+        All robots stop if one of them is not where the plans were proven for.
 
         Args:
             q: Measured positions, shape (n,) [rad or m].

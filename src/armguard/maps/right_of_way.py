@@ -1,11 +1,12 @@
-"""Right of way of two robots: which of them goes first where their plans cross.
+"""Right of way of robots: which of them goes first where their plans cross.
 
 The way through the diagram of two plans begins where both robots can stop, and leads
 to both ends. Behind a region that it passes one robot waits until the other has passed,
-so robots never wait for each other in a circle, at any pace.
+so two robots never wait for each other, at any pace. The ways of every two robots are
+taken only if they let all robots together reach their ends.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.maps.diagram import Diagram
-from armguard.maps.interlocks import CLEAR, last_before
+from armguard.maps.interlocks import CLEAR
 from armguard.maps.ways import edges_free, steps_to_end
 
 Bools = NDArray[np.bool_]
@@ -25,80 +26,173 @@ STEP = 0.1
 # What keeps a robot back by itself: steps before it goes on, a node, steps at that.
 Hold = tuple[int, int, int]
 
+# A node that a robot leaves only once the other one has passed so many cells.
+Gate = tuple[int, int]
+
+# Numbers of two robots, the lower one first.
+Pair = tuple[int, int]
+
 # The later robot needs so many steps more than there are cells, at most.
 LONGEST = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Order:
-    """Which robot waits where for which.
+    """Which of two robots waits where for the other one.
 
     Attributes:
-        first: Robot that goes first where both arrive together, 0 or 1.
-        needs: For the first and the second robot: what the other one has to have passed
-            before it leaves each of its nodes, shape (k,).
+        gates: Of the first and of the second robot, by node; cells ascend as well.
         tight: Whether it may have both robots slow at once: no other way was found.
     """
 
-    first: int
-    needs: tuple[Nodes, Nodes]
+    gates: tuple[tuple[Gate, ...], tuple[Gate, ...]]
     tight: bool
 
-    def limit(self, robot: int, other: float) -> float:
-        """Where a robot has to stop, in time from the start of its plan [s].
+    def gate(self, robot: int, other: float) -> Gate | None:
+        """The gate at which a robot has to wait now; None without any.
 
         Args:
             robot: The robot, 0 or 1.
-            other: Where the other one is, in the same way [s].
+            other: Where the other one is, in time from the start of its plan [s].
         """
         passed = int((other - CLEAR) / STEP) if other > CLEAR else 0
-        needs = self.needs[robot]
-        node = int(needs.searchsorted(passed, side="right"))
-        return STEP * node - CLEAR if node < len(needs) else inf
+        return next((gate for gate in self.gates[robot] if gate[1] > passed), None)
 
-    def steps(
-        self,
-        nodes: tuple[int, int],
-        holds: tuple[Hold, Hold],
-        goals: tuple[int, int] | None = None,
-    ) -> tuple[int, int]:
-        """Steps after which each robot is where it goes, at its plan's pace.
+
+class Passage:
+    """In which steps a robot passes the nodes of its plan.
+
+    Args:
+        node: Where it can stop now.
+        late: Steps before it goes on.
+    """
+
+    __slots__ = ("_legs", "_start")
+
+    def __init__(self, node: int, late: int) -> None:
+        # Nodes at which it was kept back, and steps after which it leaves them.
+        self._start, self._legs = node, [(node, late)]
+
+    def arrives(self, node: int) -> int:
+        """Steps after which it is at a node; 0 if that is past."""
+        if node <= self._start:
+            return 0
+        for at, leaves in reversed(self._legs):
+            if at < node:
+                return leaves + node - at
+        return 0
+
+    def wait(self, node: int, until: int, rest: int = 0) -> None:
+        """Keep it back at a node, at or behind the last one at which it was.
 
         Args:
-            nodes: See `Crossing.order`.
-            holds: See `Crossing.order`.
-            goals: Where each goes; the end of its plan by default [cells].
+            node: The node.
+            until: Steps before which it does not leave it.
+            rest: Steps that it stays there after that.
         """
-        (i, j), one, other = nodes, self.needs[0].tolist(), self.needs[1].tolist()
-        k, m = (len(one), len(other)) if goals is None else goals
-        (first, at, rest), (second, there, pause) = holds
-        ends, most = [0, 0], LONGEST * (len(one) + len(other))
-        for t in range(most + first + rest + second + pause):
-            a = i < k and t >= first and one[i] <= j
-            b = j < m and t >= second and other[j] <= i
-            if a and rest and i == at:
-                a, rest = False, rest - 1
-            if b and pause and j == there:
-                b, pause = False, pause - 1
-            if b:
-                j, ends[1] = j + 1, t + 1
-            elif i >= k and j >= m:
-                break
-            if a:
-                i, ends[0] = i + 1, t + 1
-        return ends[0], ends[1]
+        at, leaves = self._legs[-1]
+        if node > at:
+            at, leaves = node, leaves + node - at
+            self._legs.append((at, leaves))
+        self._legs[-1] = at, max(leaves, until) + rest
 
-    def delays(
-        self, nodes: tuple[int, int], holds: tuple[Hold, Hold]
-    ) -> tuple[float, float]:
-        """How long each robot is delayed by the other [s]; see `Crossing.order`."""
-        late = [
-            STEP * max(end - (len(needs) - node + hold[0] + hold[2]), 0)
-            for end, needs, node, hold in zip(
-                self.steps(nodes, holds), self.needs, nodes, holds, strict=True
-            )
+
+class RightOfWay:
+    """Which of several robots waits where for which.
+
+    Attributes:
+        orders: Of every two robots.
+
+    Args:
+        orders: See above.
+        count: How many robots there are.
+    """
+
+    def __init__(self, orders: Mapping[Pair, Order], count: int) -> None:
+        self.orders = orders
+        # Per robot and other robot: that one, the order, and which of its two it is.
+        self._own: list[list[tuple[int, Order, int]]] = [[] for _ in range(count)]
+        for (a, b), order in orders.items():
+            self._own[a].append((b, order, 0))
+            self._own[b].append((a, order, 1))
+        # Per robot: node, whether it rests there by itself, other robot, and cells.
+        self._gates = [
+            [
+                (at, False, other, cells)
+                for other, order, side in own
+                for at, cells in order.gates[side]
+            ]
+            for own in self._own
         ]
-        return late[0], late[1]
+
+    def gate(self, robot: int, other: int, place: float) -> Gate | None:
+        """The gate at which a robot has to wait for another one; None without any.
+
+        Args:
+            robot: The robot.
+            other: The other one.
+            place: Where that is, in time from the start of its plan [s].
+        """
+        order = self.orders[min(robot, other), max(robot, other)]
+        return order.gate(int(robot > other), place)
+
+    def limit(self, robot: int, places: Sequence[float]) -> tuple[float, int]:
+        """Where a robot has to stop, and for which other one.
+
+        Args:
+            robot: The robot.
+            places: Where each robot is, in time from the start of its plan [s].
+
+        Returns:
+            Time from the start of its plan, infinite if it need not stop [s], and the
+            other robot.
+        """
+        found = []
+        for other, order, side in self._own[robot]:
+            gate = order.gate(side, places[other])
+            found.append((inf if gate is None else STEP * gate[0] - CLEAR, other))
+        return min(found)
+
+    def passages(
+        self, nodes: Sequence[int], holds: Sequence[Hold]
+    ) -> list[Passage] | None:
+        """How all robots together go on as soon as they may; None if they never end.
+
+        Each robot passes its nodes in sequence, and a gate lets it pass one only behind
+        another robot's passing of one. Where one execution passes all nodes, none waits
+        for itself: at any pace the first node of that execution which is not passed yet
+        may be passed, so robots never wait for each other in a circle.
+
+        Args:
+            nodes: Where each can stop [cells].
+            holds: What keeps each back by itself.
+        """
+        found = [Passage(n, hold[0]) for n, hold in zip(nodes, holds, strict=True)]
+        # Gates by node, a rest behind those of its node; the next one is the last.
+        todo = []
+        for k, (gates, (_, node, rest)) in enumerate(
+            zip(self._gates, holds, strict=True)
+        ):
+            waits = [gate for gate in gates if gate[3] > nodes[gate[2]]]
+            if rest and node >= nodes[k]:
+                waits.append((node, True, k, rest))
+            todo.append(sorted(waits, reverse=True))
+        goes = True
+        while goes:
+            goes = False
+            for passage, waits in zip(found, todo, strict=True):
+                while waits:
+                    node, rests, other, cells = waits[-1]
+                    if rests:
+                        passage.wait(node, 0, cells)
+                    # So far the other one goes before it has to wait.
+                    elif todo[other] and cells > max(nodes[other], todo[other][-1][0]):
+                        break
+                    else:
+                        passage.wait(node, found[other].arrives(cells))
+                    waits.pop()
+                    goes = True
+        return None if any(todo) else found
 
 
 class Crossing:
@@ -125,6 +219,7 @@ class Crossing:
             if span is not None:
                 part = grid[int(span[0] / STEP) : ceil(span[1] / STEP)]
                 part |= part.any(axis=0)
+        self._behind = last_blocked(blocked.T), last_blocked(blocked)
         more = ceil(0.5 * spare / STEP)
         self._safe = [
             Safe(grown(grown(blocked, more, 0), more, 1)),
@@ -144,9 +239,11 @@ class Crossing:
         for tight, safe in enumerate(self._safe):
             way = safe.way(nodes, holds, first)
             if way is not None:
-                needs = needs_of(self.blocked.T, way[:, ::-1], nodes[::-1])
-                others = needs_of(self.blocked, way, nodes)
-                return Order(first, (needs, others), bool(tight))
+                both = (
+                    needs_of(self._behind[0], way[:, ::-1], nodes[::-1]),
+                    needs_of(self._behind[1], way, nodes),
+                )
+                return Order((gates_of(both[0]), gates_of(both[1])), bool(tight))
         return None
 
 
@@ -206,20 +303,39 @@ class Safe:
         return None
 
 
-def needs_of(blocked: Bools, way: Nodes, nodes: tuple[int, int]) -> Nodes:
-    """What the first robot has to have passed before the second leaves its nodes.
+def last_blocked(blocked: Bools) -> Nodes:
+    """Node behind the last blocked cell before each node of the first plan; else 0.
 
     Args:
         blocked: Cells, shape (k, m).
+
+    Returns:
+        That node in each column of cells, shape (k + 1, m).
+    """
+    behind = np.where(blocked, np.arange(1, len(blocked) + 1)[:, None], 0)
+    return np.pad(np.maximum.accumulate(behind), ((1, 0), (0, 0)))
+
+
+def needs_of(behind: Nodes, way: Nodes, nodes: tuple[int, int]) -> Nodes:
+    """What the first robot has to have passed before the second leaves its nodes.
+
+    Args:
+        behind: See `last_blocked`.
         way: Nodes from where both can stop, shape (n, 2).
         nodes: Where that is; what is behind it is past.
     """
-    i, j = nodes
-    passed = np.full(blocked.shape[1], i)
-    passed[j:] = way[np.flatnonzero(np.diff(way[:, 1]) > 0), 0]
-    last = last_before(blocked, passed)
-    last[:j] = 0
-    return np.maximum.accumulate(last)
+    j = nodes[1]
+    passed = np.zeros(behind.shape[1], dtype=np.intp)
+    passed[j:] = way[:-1][way[1:, 1] > way[:-1, 1], 0]
+    return np.maximum.accumulate(behind[passed, np.arange(len(passed))])
+
+
+def gates_of(needs: Nodes) -> tuple[Gate, ...]:
+    """Nodes at which more is needed than before, and what, see `needs_of`."""
+    rises = np.flatnonzero(needs[1:] > needs[:-1]) + 1
+    if needs[0]:
+        rises = np.append(0, rises)
+    return tuple(zip(rises.tolist(), needs[rises].tolist(), strict=True))
 
 
 def coarser(diagram: Diagram) -> Bools:

@@ -1,4 +1,4 @@
-// A coordination on line in words: what both robots do, which one yields and why, how
+// A coordination on line in words: what robots do, which one yields and why, how
 // many items are done, and the last decisions.
 "use strict";
 const makeLine = () => {
@@ -24,7 +24,7 @@ const makeLine = () => {
   };
   const aboutOf = ({ ended, fault }) => {
     if (ended) return "The coordination does not answer any more.";
-    if (fault) return "After a stop both robots wait, or are led slowly to where their plans begin. Jobs that came before are missed.";
+    if (fault) return "After a stop all robots wait, or are led slowly to where their plans begin. Jobs that came before are missed.";
     return "Each job goes to a robot that can do it in time. Where their ways cross, one robot yields until the other has passed.";
   };
   const row = (robot) => {
@@ -41,7 +41,7 @@ const makeLine = () => {
     about.textContent = aboutOf(message);
     robots.replaceChildren();
     message.robots.forEach(row);
-    fault.textContent = message.fault && `Both stop: ${message.fault}`;
+    fault.textContent = message.fault && `All stop: ${message.fault}`;
     decisions.replaceChildren();
     for (const [at, said] of [...message.decisions].reverse()) {
       make("li", "", decisions).textContent = `${at.toFixed(1)} s ${said}`;
