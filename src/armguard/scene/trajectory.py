@@ -160,12 +160,18 @@ class Trajectory:
 
     def _check_unit(self, scene: Scene, column: Mapping[str, int]) -> None:
         """Refuse positions that can only be degrees or millimetres."""
+        if not len(self.q):
+            return
+        low, high = self.q.min(axis=0), self.q.max(axis=0)
+        farthest = np.where(-low > high, low, high)
         for name, k in column.items():
             robot, joint = name.split("/", 1)
             model = scene.robots[robot].model.joints[joint]
+            if np.isfinite(farthest[k]) and not other_unit(model, farthest[k]):
+                continue
             far = np.nan_to_num(self.q[:, k], nan=0.0, posinf=0.0, neginf=0.0)
-            row = int(np.abs(far).argmax()) if len(far) else 0
-            hint = other_unit(model, far[row]) if len(far) else ""
+            row = int(np.abs(far).argmax())
+            hint = other_unit(model, far[row])
             if hint:
                 raise self._wrong(
                     f"configuration {row + 1}: joint '{self.names[k]}' is at "
