@@ -187,7 +187,7 @@ CAMPAIGN = Campaign(
     is_notable=lambda episode: bool(digest(episode).outcome),
     count=100_000,
     shares=SHARES,
-    written=500,
+    written=50,
 )
 
 
