@@ -72,7 +72,7 @@ UNIT = re.compile(r"\[([^] -]+)\]\.?$")
 # What a value is expected to be, by the type of pydantic's finding.
 EXPECTED = {
     "a number": ("float_parsing", "float_type", "int_parsing", "int_type"),
-    "a list of numbers": ("list_type", "tuple_type"),
+    "a list": ("list_type", "tuple_type"),
     "a mapping": ("model_type", "dataclass_type", "dict_type"),
     "text": ("string_type",),
     "true or false": ("bool_parsing", "bool_type"),
