@@ -75,23 +75,28 @@ def test_why_exactly_has_the_terms_of_the_same_cycle_as_its_sentence(station):
 
 
 def test_the_light_turns_while_the_page_is_busy_drawing(station):
-    station.clear()
     busy, stops = 3.0, 1.0
-    timer = threading.Timer(stops, station.stage.client.stop)
-    timer.start()
-    # Nothing of the page's own thread runs meanwhile.
-    begin, end = station.page.evaluate(
-        """(busy) => {
-          const begin = Date.now();
-          while (Date.now() < begin + busy) ;
-          return [begin / 1000, Date.now() / 1000];
-        }""",
-        1000.0 * busy,
-    )
-    timer.join()
-    station.until(lambda: station.light() in STOPPED, "the light did not turn")
-    turned = [at for _, at in station.page.evaluate("window.stationTurns")]
-    assert any(begin < at < end for at in turned), (begin, end, turned)
+
+    def turns():
+        """Turns of the light while the page's own thread does nothing else."""
+        station.clear()
+        timer = threading.Timer(stops, station.stage.client.stop)
+        timer.start()
+        begin, end = station.page.evaluate(
+            """(busy) => {
+              const begin = Date.now();
+              while (Date.now() < begin + busy) ;
+              return [begin / 1000, Date.now() / 1000];
+            }""",
+            1000.0 * busy,
+        )
+        timer.join()
+        station.until(lambda: station.light() in STOPPED, "the light did not turn")
+        turned = [at for _, at in station.page.evaluate("window.stationTurns")]
+        return [at for at in turned if begin < at < end]
+
+    # A machine that was late stops the arm before the page is busy; then once more.
+    assert any(turns() for _ in range(5))
     # And it goes on as if nothing had been.
     station.clear()
 
