@@ -1,10 +1,10 @@
 # Everything a person or a machine does with this project, by name.
-#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | coordinate-campaign | fleet-campaign | sensing | sense-campaign | freedom | sensors-campaign | sensor-faults | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
+#   make demo | test | lint | docs | bench | campaign | accuracy | closed-loop | motion | ways-out | gripping | evading | cues | filter-peer | audit-pairs | room | reach | batch-campaign | verify-campaign | map-campaign | coordinate-campaign | fleet-campaign | sensing | sense-campaign | sensed-loops | freedom | sensors-campaign | sensor-faults | coverage | following | attack | mutants | soak | reflex-campaign | campaigns-due | golden | dist | dist-check   ARGS="..." is passed on
 PYTHON ?= python3
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign coordinate-campaign fleet-campaign sensing sense-campaign freedom sensors-campaign sensor-faults coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
+.PHONY: demo test lint docs bench campaign accuracy closed-loop motion ways-out gripping evading cues filter-peer audit-pairs room reach batch-campaign verify-campaign map-campaign coordinate-campaign fleet-campaign sensing sense-campaign sensed-loops freedom sensors-campaign sensor-faults coverage following attack mutants soak reflex-campaign campaigns-due golden dist dist-check format clean
 .DELETE_ON_ERROR:
 
 # Two environments in one: what guard and station need, then what tests and benchmarks
@@ -107,6 +107,10 @@ sensing: .venv/dev
 # Sensors in a simulated bay: what gets into the map, and how soon it goes; docs/sense.*.
 sense-campaign: .venv/dev
 	$(BIN)/python benchmarks/sense_campaign.py $(ARGS)
+
+# Operators who try to hit what sensors alone know; writes docs/sensed_loops.*.
+sensed-loops: .venv/dev
+	$(BIN)/python benchmarks/sensed_loops_campaign.py $(ARGS)
 
 # Motion among objects that are modelled, sensed, or known by OctoMap; docs/freedom.*.
 freedom: .venv/dev

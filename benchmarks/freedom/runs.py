@@ -18,7 +18,7 @@ from evading.episode import Plant
 from freedom.losses import Losses
 from freedom.sight import Frame
 from freedom.tally import Tally
-from freedom.worlds import PERIOD, SECONDS, World, modelled_bay, sensing_bay
+from freedom.worlds import PERIOD, SECONDS, World, modelled, sensing_bay
 
 
 class Commanding(Protocol):
@@ -102,7 +102,7 @@ class Sensing:
         self._frames = Frames(scene, world, seed)
         self.tables, self.engage = self._guard.tables, self._guard.engage
         self.losses = Losses(
-            scene, modelled_bay(world), self._sense.cells, self._frames.taken
+            scene, modelled(world), self._sense.cells, self._frames.taken
         )
 
     def filter(
@@ -118,7 +118,7 @@ class Sensing:
 
 def known(world: World) -> ag.Guard:
     """A guard of a scene that has the foreign objects."""
-    return ag.Guard(modelled_bay(world), self_test=False)
+    return ag.Guard(modelled(world), self_test=False)
 
 
 def run(world: World, guard: Commanding, seed: int) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def run(world: World, guard: Commanding, seed: int) -> dict[str, Any]:
         of `Tally`.
     """
     begin = process_time()
-    scene = modelled_bay(world)
+    scene = modelled(world)
     judge = Judge(scene, compile_scene(scene))
     plant = Plant(guard, scene.home, np.random.default_rng(seed))
     tally = Tally(plant, guard.losses if isinstance(guard, Sensing) else None)

@@ -1,7 +1,8 @@
-"""Worlds: the bay with boxes and rods near the ways of its arms, and an operator."""
+"""Worlds: arms with boxes and rods near their ways, and an operator."""
 
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from armguard.scene.compile import compile_scene
 from armguard.simulation.sensed import sensed_bay
 from arrays import Floats
 from closed_loop.judge import Judge
+from evading.places import room_of
 
 # Time of a cycle [s], time before the operator begins, and of an episode [s].
 PERIOD, SETTLED, SECONDS = 0.004, 0.8, 4.0
@@ -40,15 +42,21 @@ class World:
 
     Attributes:
         edges: Edges of the objects, shape (k, 3) [m].
-        poses: Their poses.
+        poses: Their poses until `SETTLED`.
+        velocities: Their velocities from then on, shape (k, 3) [m/s].
         speeds: Greatest desired speeds of the joints, shape (n,) [rad/s].
         frequencies: Angular frequencies of their swings, shape (n,) [rad/s].
     """
 
     edges: Floats
     poses: tuple[ag.Pose, ...]
+    velocities: Floats
     speeds: Floats
     frequencies: Floats
+
+    def moved(self, time: float) -> Floats:
+        """How far the objects have moved at a time, shape (k, 3) [m]."""
+        return self.velocities * max(time - SETTLED, 0.0)
 
     def desired(self, time: float) -> Floats:
         """Desired velocities at a time, shape (n,) [rad/s]."""
@@ -73,9 +81,19 @@ def bay() -> ag.Scene:
     return scene
 
 
+def pandas() -> ag.Scene:
+    """Two Pandas face to face at a table, in which stops are predicted."""
+    return room_of("pandas", evade=False)
+
+
+# Arms without foreign objects, by name.
+PLACES = {"bay": bay, "pandas": pandas}
+
+
 def sensing_bay(
-    cell: float, speed: float = 0.0, zones: bool = True, rate: float = 15.0
-) -> ag.Scene:
+    cell: float, speed: float = 0.0, zones: bool = True, rate: float = 15.0,
+    **settings: Any,
+) -> ag.Scene:  # fmt: skip
     """The same with two cameras and eight zone sensors; unknown space is an obstacle.
 
     Args:
@@ -83,8 +101,9 @@ def sensing_bay(
         speed: Declared speed of an intruder; the objects of a world do not move [m/s].
         zones: Whether it has the zone sensors.
         rate: Rate of the cameras [Hz].
+        settings: Settings of all sensors, see `SensorSettings`.
     """
-    scene = sensed_bay(zones=zones, camera=False)
+    scene = sensed_bay(zones=zones, camera=False, **settings)
     scene.period = PERIOD
     scene.set_sensing(
         region={"centre": (-0.4, 0, 1.1), "size": SIZES[cell]}, cell=cell,
@@ -95,44 +114,46 @@ def sensing_bay(
         scene.add_sensor(
             name, kind="depth", size=(160, 120), focal=100, range=(0.3, 3.0),
             period=1.0 / rate, pose=ag.Pose(xyz=(-0.4, y, 2.3), rpy=(np.pi, 0, 0)),
+            **settings,
         )  # fmt: skip
     return scene
 
 
-def modelled_bay(world: World) -> ag.Scene:
-    """The bay with the foreign objects in the scene."""
-    scene = bay()
+def modelled(world: World, place: str = "bay") -> ag.Scene:
+    """A scene that has the foreign objects."""
+    scene = PLACES[place]()
     for k, (edges, pose) in enumerate(zip(world.edges, world.poses, strict=True)):
         scene.add(ag.Box(size=tuple(edges.tolist())), f"foreign{k}", pose=pose)
     return scene
 
 
 @cache
-def empty_bay() -> tuple[ag.Scene, Judge]:
-    """The bay without foreign objects, and its judge."""
-    scene = bay()
+def empty(place: str) -> tuple[ag.Scene, Judge]:
+    """A place without foreign objects, and its judge."""
+    scene = PLACES[place]()
     return scene, Judge(scene, compile_scene(scene))
 
 
-def drawn_world(seed: int) -> World:
-    """The world of a seed."""
+def drawn_world(seed: int, place: str = "bay") -> World:
+    """The world of a seed, in which objects are at rest."""
     rng = np.random.default_rng([seed, 7])
-    scene, _ = empty_bay()
+    scene, _ = empty(place)
     n = len(scene.home)
     speeds = rng.uniform(*SPEEDS) * rng.uniform(-1.0, 1.0, n)
-    empty = World(np.zeros((0, 3)), (), speeds, rng.uniform(*FREQUENCIES, n))
+    none = np.zeros((0, 3))
+    world = World(none, (), none, speeds, rng.uniform(*FREQUENCIES, n))
     wanted = int(rng.integers(*COUNTS))
-    found = empty
+    found = world
     while len(found.poses) < wanted:
         edges = np.array([drawn_edges(rng) for _ in range(CANDIDATES)])
-        poses = [drawn_pose(rng, empty) for _ in edges]
-        chosen = fitting(replace(empty, edges=edges, poses=tuple(poses)))
+        poses = tuple(drawn_pose(rng, world, place) for _ in edges)
+        chosen = fitting(replace(world, edges=edges, poses=poses), place)
         found = replace(
             found,
             edges=np.concatenate([found.edges, edges[chosen]])[:wanted],
             poses=(*found.poses, *(poses[k] for k in chosen))[:wanted],
         )
-    return found
+    return replace(found, velocities=np.zeros((wanted, 3)))
 
 
 def drawn_edges(rng: np.random.Generator) -> Floats:
@@ -142,21 +163,26 @@ def drawn_edges(rng: np.random.Generator) -> Floats:
     return np.asarray(rng.uniform(*EDGES, 3))
 
 
-def drawn_pose(rng: np.random.Generator, empty: World) -> ag.Pose:
+def drawn_pose(rng: np.random.Generator, world: World, place: str) -> ag.Pose:
     """A pose beside a link at a random time of the desired motion."""
-    scene, judge = empty_bay()
-    judge.place(scene.home + empty.way(rng.uniform(SETTLED, SECONDS)))
-    links = np.flatnonzero(judge.arm_of >= 0)
-    middle = judge.data.geom_xpos[rng.choice(links)].copy()
+    middle = drawn_middle(rng, world, place)
     way = rng.normal(size=3)
     way *= rng.uniform(0.0, BESIDE) / np.linalg.norm(way)
     turn = rng.uniform(-np.pi, np.pi, 3)
     return ag.Pose(xyz=(middle + way).tolist(), rpy=turn.tolist())
 
 
-def fitting(world: World) -> list[int]:
-    """Objects that are off the links at home and off all that is fixed in the bay."""
-    scene = modelled_bay(world)
+def drawn_middle(rng: np.random.Generator, world: World, place: str) -> Floats:
+    """Middle of a link at a random time of the desired motion, shape (3,) [m]."""
+    scene, judge = empty(place)
+    judge.place(scene.home + world.way(rng.uniform(SETTLED, SECONDS)))
+    links = np.flatnonzero(judge.arm_of >= 0)
+    return np.array(judge.data.geom_xpos[rng.choice(links)])
+
+
+def fitting(world: World, place: str) -> list[int]:
+    """Objects that are off the links at home and off all that is fixed in a place."""
+    scene = modelled(world, place)
     judge = Judge(scene, compile_scene(scene))
     judge.place(scene.home)
     found = []

@@ -14,7 +14,7 @@ from freedom import runs
 from freedom.losses import least_on_way
 from freedom.runs import Sensing, foreign_gap, run
 from freedom.sight import CLEAR, HIDDEN, IN_PART, WHOLE, Frame, Seen, Sight
-from freedom.worlds import bay, drawn_world, empty_bay, modelled_bay, sensing_bay
+from freedom.worlds import bay, drawn_world, empty, modelled, sensing_bay
 from freedom_campaign import is_broken, sensed_episode, summed_up
 
 CAMERAS = ("over_left", "over_right")
@@ -29,7 +29,7 @@ def test_the_objects_of_a_world_are_off_the_arms_at_home():
     for seed in range(3):
         world, again = drawn_world(seed), drawn_world(seed)
         assert np.array_equal(world.edges, again.edges)
-        scene = modelled_bay(world)
+        scene = modelled(world)
         judge = Judge(scene, compile_scene(scene))
         assert foreign_gap(judge, scene.home) == SIGHT
 
@@ -43,7 +43,7 @@ def test_arms_move_among_objects_that_sensors_alone_know():
 
 
 def test_arms_that_know_nothing_touch_an_object_in_their_way():
-    world, (scene, judge) = drawn_world(1), empty_bay()
+    world, (scene, judge) = drawn_world(1), empty("bay")
     judge.place(scene.home + world.way(1.6))
     hand = judge.data.geom_xpos[judge.owners.index("left/link7")]
     blind = replace(
@@ -81,7 +81,7 @@ def test_the_way_of_a_stop_ends_where_a_steady_deceleration_ends_it():
 def test_a_stop_is_needless_if_its_way_keeps_the_buffer(beyond, needless):
     plate = ag.Pose(xyz=(-0.4, 0.0, 3.0))
     world = replace(drawn_world(0), edges=np.array([[2.0, 2.0, 0.1]]), poses=(plate,))
-    judge, scene = empty_bay()[1], bay()
+    judge, scene = empty("bay")[1], bay()
     judge.place(scene.home)
     arm = [g for g, name in enumerate(judge.owners) if name.startswith("left/")]
     # The plate is above the highest point of the arm at rest.
@@ -103,7 +103,7 @@ def highest(judge, geom):
 def seen_cell(world, middle):
     """What the cameras above the arms see of a cell of 20 mm."""
     scene = sensing_bay(0.025, zones=False)
-    sight = Sight(scene, modelled_bay(world), 0.05)
+    sight = Sight(scene, modelled(world), 0.05)
     found = [sight.seen(np.array(middle), 0.02, Frame(n, scene.home)) for n in CAMERAS]
     return sight.fills(np.array(middle), 0.02), max(found)
 

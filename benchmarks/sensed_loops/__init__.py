@@ -1,0 +1,1 @@
+"""Closed loops among foreign bodies that sensors alone know."""
