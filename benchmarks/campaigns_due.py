@@ -20,6 +20,7 @@ COMMANDS = {
     "closed_loop": "make closed-loop",
     "gripping_campaign": 'make gripping ARGS="--kind PART"',
     "evading": 'make evading ARGS="--kind PART"',
+    "sensed_loops": "make sensed-loops ARGS=\"--kind 'PART'\"",
     "freedom": "make freedom ARGS=\"--kind 'PART'\"",
     "reach": "make reach",
     "map": "make map-campaign ARGS=\"--kind 'PART'\"",

@@ -1,6 +1,5 @@
 """Charts beside the robots: dragging along one moves the robots to that place."""
 
-from abc import abstractmethod
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -126,13 +125,13 @@ class ChartView(RecordedView):
         self.source.go(0.0)
         self.page.publish("charts", {"charts": [one.message() for one in charts]})
 
-    @abstractmethod
     def planned(self, time: float) -> Places:
         """Where the robots are at a time of the time line [s]."""
+        raise NotImplementedError
 
-    @abstractmethod
     def rows(self, places: Sequence[Places]) -> Floats:
         """Joint positions of all robots there, shape (k, n) [rad or m]."""
+        raise NotImplementedError
 
     def step(self) -> None:
         """Draw the robots where a chart was dragged to, else on the time line."""
