@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from armguard import CellMap, Pose
+from armguard.guard.clusters import Cluster
+from armguard.record import records
+from armguard.recording.calls import UpdateClusters
 from armguard.respond import Guard
-from armguard.service.mapping.delivery import Delivery
+from armguard.service.mapping.delivery import FOLLOWS, Delivery
 from armguard.service.server.mapped import SILENT, MappedCells
+from armguard.service.server.rpc import read_call
 from armguard.service.wire import Kind, Outbox
 from armguard.service.wire.sensing import (
     CELLS,
@@ -32,6 +36,7 @@ class Filled:
         self.cells = CellMap(CENTRE, CELL, SIZE)
         self.rng = np.random.default_rng(seed)
         self.stamp, self.sent = -np.inf, -1.0
+        self.clusters = records(0, Cluster)
 
     def look(self, stamp):
         image = np.full((48, 64), 2.4)
@@ -105,6 +110,16 @@ def desk(made):
     return Desk(Guard(made, self_test=False))
 
 
+def into(payloads):
+    """Sends into a list of payloads of CELLS; no other kind is sent."""
+
+    def send(kind, payload):
+        assert kind is Kind.CELLS
+        payloads.append(payload)
+
+    return send
+
+
 def same(claims, cells):
     occupied = claims.occupied.words == cells.claims.occupied.words
     unknown = claims.unknown.words == cells.claims.unknown.words
@@ -117,7 +132,7 @@ def test_the_guard_has_the_map_whatever_is_lost_and_no_stamp_before_its_changes(
 ):
     filled, draw, now = Filled(), random.Random(4), [0.0]
     on_the_way, at = [], {}
-    delivery = Delivery(filled, on_the_way.append, PERIOD, lambda: now[0])
+    delivery = Delivery(filled, into(on_the_way), PERIOD, lambda: now[0])
     highest = 0
     for cycle in range(900):
         now[0] = cycle * PERIOD
@@ -151,7 +166,7 @@ def test_the_guard_has_the_map_whatever_is_lost_and_no_stamp_before_its_changes(
 def deliver(desk, filled, cycles=600, start=0.0):
     """Fill the guard with a map over a link that loses nothing."""
     on_the_way, now = [], [start]
-    delivery = Delivery(filled, on_the_way.append, PERIOD, lambda: now[0])
+    delivery = Delivery(filled, into(on_the_way), PERIOD, lambda: now[0])
     drops = set()
     for _ in range(cycles):
         now[0] += PERIOD
@@ -213,7 +228,7 @@ def test_a_guard_that_was_made_anew_has_the_map_begin_anew(desk):
     filled = Filled()
     filled.look(1.0)
     sent = []
-    delivery = Delivery(filled, sent.append, PERIOD, lambda: 1.0)
+    delivery = Delivery(filled, into(sent), PERIOD, lambda: 1.0)
     delivery.run()
     for one in sent:
         desk.hear(one)
@@ -223,6 +238,60 @@ def test_a_guard_that_was_made_anew_has_the_map_begin_anew(desk):
     desk.sent.clear()
     assert desk.hear(CELLS.pack(taken[0].stream, 9, 2.0)) == "cells_order"
     assert not delivery.take(CELLS_TAKEN.unpack_from(desk.sent[0]))
+
+
+def moving(x):
+    """A body that moves."""
+    found = records(1, Cluster)
+    found["low"], found["high"] = (x, 0.0, 1.0), (x + 0.1, 0.1, 1.1)
+    found["velocity"], found["number"] = (-0.3, 0.0, 0.0), 7
+    return found
+
+
+def test_bodies_that_move_are_sent_with_each_frame_and_once_that_there_are_none(made):
+    filled, sent, now = Filled(), [], [0.0]
+    delivery = Delivery(filled, lambda *one: sent.append(one), PERIOD, lambda: now[0])
+
+    def calls(frame, clusters):
+        """Clusters of the calls that a frame, and some turns after it, have sent."""
+        filled.stamp, filled.clusters = frame, clusters
+        for _ in range(10):
+            now[0] += FOLLOWS
+            delivery.run()
+        payloads = [payload for kind, payload in sent if kind is Kind.CALL]
+        sent.clear()
+        found = [read_call(payload) for payload in payloads]
+        assert all(one.call == "update_clusters" for one in found)
+        numbers.extend(one.number for one in found)
+        return [UpdateClusters.model_validate(one.arguments).clusters for one in found]
+
+    numbers, none = [], records(0, Cluster)
+    assert calls(1.0, none) == []
+    [first] = calls(1.1, moving(0.5))
+    [second] = calls(1.2, moving(0.4))
+    assert first.tobytes() == moving(0.5).tobytes()
+    assert second.tobytes() == moving(0.4).tobytes()
+    # No frame came.
+    assert calls(1.2, moving(0.3)) == []
+    [last] = calls(1.3, none)
+    assert len(last) == 0
+    assert calls(1.4, none) == []
+    # The service does none of them twice.
+    assert len(set(numbers)) == 3
+    guard = Guard(made, self_test=False)
+    UpdateClusters(clusters=second).apply(guard)
+    assert guard._watch.clusters[0].number == 7
+
+
+def test_bodies_that_move_are_not_sent_more_often_than_the_service_takes_calls():
+    filled, sent, now = Filled(), [], [1.0]
+    delivery = Delivery(filled, lambda *one: sent.append(one), PERIOD, lambda: now[0])
+    for k in range(1000):
+        now[0] += 0.001
+        filled.stamp, filled.clusters = now[0], moving(1e-3 * k)
+        delivery.run()
+    assert sum(kind is Kind.CALL for kind, _ in sent) <= 1.0 / FOLLOWS + 1
+    assert sum(kind is Kind.CALL for kind, _ in sent) >= 0.8 / FOLLOWS
 
 
 WRONG = {

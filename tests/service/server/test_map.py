@@ -15,7 +15,7 @@ import armguard as ag
 from armguard.cells.view import CellView
 from armguard.errors import RefusedError
 from armguard.guard.levels import Reason
-from armguard.recording.calls import UpdateCells
+from armguard.recording.calls import UpdateCells, UpdateClusters
 from armguard.recording.frames import Kind, frame_of
 from armguard.recording.ring import RingReader
 from armguard.scene.sensing import SENSED as SENSED_BODY
@@ -35,14 +35,25 @@ STALE = 2.0
 
 
 @pytest.fixture(scope="module")
-def sensed_bay_file(patient_bay, tmp_path_factory):
-    text = patient_bay.read_text(encoding="utf-8")
-    text = text.replace("bay_arm.urdf\n", "bay_arm.urdf\n    mode: path\n")
-    free = "free, reason: a test,"
-    text += SENSED.format(unknown=free, stale=STALE)
-    file = tmp_path_factory.mktemp("sensed") / "bay.yaml"
-    file.write_text(text, encoding="utf-8")
-    return file
+def sensed_bay(patient_bay, tmp_path_factory):
+    """Writes the file of a bay with a camera, whose robots have further settings."""
+
+    def write(settings=""):
+        text = patient_bay.read_text(encoding="utf-8")
+        text = text.replace(
+            "bay_arm.urdf\n", f"bay_arm.urdf\n    mode: path\n{settings}"
+        )
+        text += SENSED.format(unknown="free, reason: a test,", stale=STALE)
+        file = tmp_path_factory.mktemp("sensed") / "bay.yaml"
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def sensed_bay_file(sensed_bay):
+    return sensed_bay()
 
 
 # Pixels of a box beside the last link of the left arm, at home.
@@ -63,7 +74,7 @@ class Station:
         self.client, self.camera = served.client(), ag.SensorClient(served.port)
         self.camera.connect(PATIENCE)
         self.rng, self.process = np.random.default_rng(1), None
-        self.box = None
+        self.box, self.depth = None, 1100
         self._looked = 0.0
 
     def start_map(self, *options):
@@ -84,7 +95,7 @@ class Station:
                 return answer
             image = 2250 + self.rng.integers(-4, 5, (48, 64))
             if self.box is not None:
-                image[self.box] = 1100
+                image[self.box] = self.depth
             self.camera.depth("top", image.astype(np.uint16), self.camera.clock())
         time.sleep(0.002)
         return answer
@@ -247,6 +258,48 @@ def test_the_map_refuses_a_service_of_another_scene(served, sensed_bay_file):
             asked, check=False, capture_output=True, text=True, timeout=120
         )
         assert done.returncode == 2 and says in done.stderr
+
+
+def test_a_body_that_a_camera_sees_move_is_given_to_the_guard(serving, sensed_bay):
+    scene = sensed_bay("    response: {evade: true}\n")
+    with serving("--sense", scene=str(scene)) as served:
+        one = Station(served, scene)
+        reader = RingReader(Path(one.client.welcome.ring), newest=True)
+        one.known()
+        # It rises towards the camera, on its axis, again and again.
+        speed, began, found = 0.4, time.monotonic(), []
+
+        def seen(_):
+            way = speed * (time.monotonic() - began) % 1.5
+            one.box = np.s_[21:27, 29:35] if way < 1.0 else None
+            one.depth = 1800 - int(1e3 * way)
+            found.extend(clusters_of(reader))
+            return found and len(found[-1])
+
+        one.until(seen)
+        [body] = found[-1]
+        assert np.linalg.norm(body.velocity - (0.0, 0.0, speed)) <= body.error
+        assert body.velocity[2] > 0.5 * speed
+        # When it is gone, the guard gets none once.
+        one.box = None
+
+        def ended(_):
+            found.extend(clusters_of(reader))
+            return not len(found[-1])
+
+        one.until(ended)
+        one.close()
+
+
+def clusters_of(reader):
+    """Clusters in the calls that were recorded since the last call."""
+    frames = [frame_of(row) for row in reader.unread()]
+    words = [one.text for one in frames if one.kind is Kind.EVENT]
+    return [
+        UpdateClusters.model_validate({"clusters": one["clusters"]}).clusters
+        for one in words
+        if one["call"] == "update_clusters"
+    ]
 
 
 def test_recorded_frames_give_the_map_that_the_guard_had(station, tmp_path):

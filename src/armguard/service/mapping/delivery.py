@@ -1,16 +1,20 @@
-"""Changes of the map on their way to the service, sent again until they are taken."""
+"""Changes of the map, sent again until the service has taken them, and what moves."""
 
+import json
 import secrets
 import time
 from collections import deque
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from armguard.cells.deltas import Delta
 from armguard.record import records
+from armguard.recording.calls import UpdateClusters
 from armguard.sense import Sense
+from armguard.service.wire import Kind
 from armguard.service.wire.sensing import (
     CELLS,
     MOST_CHANGES,
@@ -28,21 +32,25 @@ REPEATED, REPEATS = 64, 0.2
 # What was not taken for so long is sent again [s].
 AGAIN = 0.03
 
+# Least time between two messages of the bodies that move [s].
+FOLLOWS = 0.02
+
 
 class Delivery:
     """Sends changes in numbered messages, no more than the guard takes in a cycle.
 
-    The stamp of a message is that of the changes in all messages up to it.
+    The stamp of a message is that of the changes in all messages up to it. Bodies that
+    move are sent after a frame, once: those of the next frame take their place.
 
     Args:
         sense: Fills the map.
-        send: Sends the payload of a CELLS.
+        send: Sends a message of a kind with a payload.
         period: Time between two cycles of the service [s].
         clock: Monotonic clock [s].
     """
 
     def __init__(
-        self, sense: Sense, send: Callable[[bytes], object], period: float,
+        self, sense: Sense, send: Callable[[Kind, bytes], object], period: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self._sense, self._send, self._clock = sense, send, clock
@@ -54,6 +62,9 @@ class Delivery:
         self._at = self._repeated_at = 0.0
         self._next_word = 0
         self._stamp = sense.sent
+        # The frame whose bodies were sent last, when, in how many messages so far, and
+        # whether there were any.
+        self._frame, self._followed_at, self._calls, self._moves = -inf, 0.0, 0, False
 
     def take(self, taken: CellsTaken) -> bool:
         """Take the service's answer; False if it does not know this map any more."""
@@ -67,13 +78,13 @@ class Delivery:
     def run(self) -> None:
         """Send what is due."""
         now = self._clock()
+        self._follow(now)
         if self._open:
             if now - self._at > AGAIN:
                 self._at = now
-                for one in self._open:
-                    self._send(one)
+                self._send_open()
             return
-        if self._sense.stamp == -float("inf") or now - self._at < self._pause:
+        if self._sense.stamp == -inf or now - self._at < self._pause:
             return
         before = self._sense.sent
         changes: Any = self._sense.changes(MOST_IN_A_CYCLE)
@@ -89,8 +100,25 @@ class Delivery:
             self._number += 1
             head = CELLS.pack(self._stream, self._number, stamp if last else before)
             self._open.append(head + some.tobytes())
+        self._send_open()
+
+    def _send_open(self) -> None:
+        """Send the messages that are not taken yet."""
         for one in self._open:
-            self._send(one)
+            self._send(Kind.CELLS, one)
+
+    def _follow(self, now: float) -> None:
+        """Send the bodies that move after a frame, and once that none does any more."""
+        if self._sense.stamp == self._frame or now - self._followed_at < FOLLOWS:
+            return
+        self._frame, found = self._sense.stamp, self._sense.clusters
+        if len(found) or self._moves:
+            self._followed_at, self._moves = now, len(found) > 0
+            self._calls += 1
+            call = UpdateClusters(clusters=found)
+            words = {"call": call.call, "arguments": call.model_dump()}
+            payload = json.dumps({"id": self._calls, **words})
+            self._send(Kind.CALL, payload.encode())
 
     def _again(self) -> Any:
         """Some of the words with occupied cells, as they were sent before."""

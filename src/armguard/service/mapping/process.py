@@ -192,11 +192,7 @@ class MapProcess:
                     sense.joints(q, stamp)
                 take_frames(sense, receiver, joints.newest, read)
                 if delivery is None and joints.newest > -float("inf"):
-                    delivery = Delivery(
-                        sense,
-                        lambda one: link.send(Kind.CELLS, one),
-                        link.welcome.period,
-                    )
+                    delivery = Delivery(sense, link.send, link.welcome.period)
                 for taken in link.answers():
                     if delivery is not None and not delivery.take(taken):
                         log.warning(
