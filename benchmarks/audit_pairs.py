@@ -8,7 +8,6 @@ pair that is proven apart may touch, and each contact that belies a row must be 
 """
 
 import json
-import sys
 from collections.abc import Mapping
 from math import cos, sin
 from pathlib import Path
@@ -26,6 +25,7 @@ from armguard.robot.model import RobotModel
 from armguard.robot.named import find_named_robot, robots_folder
 from armguard.scene import Scene
 from armguard.scene.scene import SceneRobot
+from episodes.campaign import command
 from pages import DOCS, rendered
 
 
@@ -122,7 +122,9 @@ TITLES = {
 
 def main() -> None:
     """Audit the robots, print the table and write it."""
-    results = [audit(name) for name in sys.argv[1:] or ROBOTS]
+    parser = command(__doc__)
+    parser.add_argument("robots", nargs="*", metavar="ROBOT", default=ROBOTS)
+    results = [audit(name) for name in parser.parse_args().robots]
     text = report(results)
     print(text)
     (DOCS / "allowed-pairs.md").write_text(text, encoding="utf-8")

@@ -6,13 +6,13 @@ make batch-campaign ARGS=--page                  the page from the last results
 """
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import batch_planning
 import batch_proofs
 import batch_rates
+from episodes.campaign import command
 from pages import DOCS, rendered
 from plots import drawn
 from timing import describe_machine
@@ -63,12 +63,17 @@ def draw_proofs(figures: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     """Measure, unless only the page is wanted, and write."""
-    files = [one for one in sys.argv[1:] if not one.startswith("--")]
-    if "--planning" in sys.argv:
+    parser = command(__doc__)
+    parser.add_argument("files", nargs="*", metavar="FILE", help="robots of spheres")
+    parser.add_argument("--planning", action="store_true")
+    parser.add_argument("--page", action="store_true")
+    chosen = parser.parse_args()
+    files = chosen.files
+    if chosen.planning:
         figures = json.loads(RESULTS.read_text(encoding="utf-8"))
         figures["planning"] = batch_planning.measure(files)
         RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-    elif "--page" not in sys.argv:
+    elif not chosen.page:
         robots = batch_rates.robots_of(files)
         figures = {
             "machine": describe_machine(),

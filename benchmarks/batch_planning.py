@@ -9,7 +9,6 @@ steps so small that nothing moves farther than two millimetres.
 """
 
 import json
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -27,6 +26,7 @@ import armguard as ag
 from armguard.scene import SceneTables, load_scene
 from armguard.scene.compile import compile_scene
 from batch_rates import ring_scene, robots_of
+from episodes.campaign import command
 from peers.pinocchio_coal import AllDistances, BroadPhase
 from timing import Progress, quiet
 
@@ -326,8 +326,12 @@ def measure(
 
 def main() -> None:
     """Print the figures."""
-    found = measure([one for one in sys.argv[1:] if not one.startswith("--")])
-    if "--json" in sys.argv:
+    parser = command(__doc__)
+    parser.add_argument("files", nargs="*", metavar="FILE", help="robots of spheres")
+    parser.add_argument("--json", action="store_true")
+    chosen = parser.parse_args()
+    found = measure(chosen.files)
+    if chosen.json:
         print(json.dumps(found, indent=1))
         return
     print("left out:", ", ".join(found["left out"]))

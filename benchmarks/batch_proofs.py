@@ -6,7 +6,6 @@ Motions are 0.15 of the way between two random configurations. Each is sampled a
 places by the checker's own rows, which the tests compare with Coal.
 """
 
-import sys
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 import armguard as ag
 from armguard.scene import two_pandas_scene
+from episodes.campaign import command
 
 MOTIONS = 10_000
 SHARE = 0.15
@@ -71,7 +71,9 @@ def share_of(flags: NDArray[np.bool_]) -> float | None:
 
 def main() -> None:
     """Print counts."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else MOTIONS
+    parser = command(__doc__)
+    parser.add_argument("motions", nargs="?", type=int, default=MOTIONS)
+    count = parser.parse_args().motions
     for name, row in measure(count).items():
         print(
             f"{name}: {row['proven']} of {count} motions proven; samples deny "

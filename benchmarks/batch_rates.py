@@ -7,7 +7,6 @@ Without it only the Panda of our own fit is measured. `--alone` leaves out the p
 """
 
 import json
-import sys
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 import armguard as ag
 from armguard.robot.model import CollisionElement, Joint, JointKind, Link, RobotModel
 from armguard.scene.compile import compile_scene
+from episodes.campaign import command
 from peers.pinocchio_coal import AllDistances, BroadPhase
 from timing import quiet
 
@@ -228,9 +228,13 @@ def robots_of(files: list[str]) -> dict[str, RobotModel | str]:
 
 def main() -> None:
     """Print nanoseconds a row, the best of some rounds."""
-    files = [one for one in sys.argv[1:] if not one.startswith("--")]
-    found = measure(robots_of(files), peers="--alone" not in sys.argv)
-    if "--json" in sys.argv:
+    parser = command(__doc__)
+    parser.add_argument("files", nargs="*", metavar="FILE", help="robots of spheres")
+    parser.add_argument("--alone", action="store_true", help="no peers")
+    parser.add_argument("--json", action="store_true")
+    chosen = parser.parse_args()
+    found = measure(robots_of(chosen.files), peers=not chosen.alone)
+    if chosen.json:
         print(json.dumps(found, indent=1))
         return
     for name, kinds in found.items():

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from episodes.campaign import command
 from pages import DOCS, rendered
 from sensing import distances, rates
 from sensing.images import recorded, room
@@ -52,20 +53,29 @@ def measured_again() -> dict[str, Any]:
     return found
 
 
-def main() -> None:
-    """Measure, unless only the page is wanted, and write."""
-    folders = [one for one in sys.argv[1:] if not one.startswith("--")]
-    if "--json" in sys.argv:
-        print(json.dumps(measured(folders), indent=1))
-        return
-    if "--page" not in sys.argv:
-        found = measured_again() if "--own" in sys.argv else measured(folders)
+def main() -> int:
+    """Measure, unless only the page is wanted, and write; 1 if a peer is missing."""
+    parser = command(__doc__)
+    parser.add_argument("folders", nargs="*", metavar="FOLDER")
+    for option in ("--own", "--page", "--json"):
+        parser.add_argument(option, action="store_true")
+    chosen = parser.parse_args()
+    if chosen.json:
+        print(json.dumps(measured(chosen.folders), indent=1))
+        return 0
+    if not (chosen.own or chosen.page) and version_of("octomap-python") is None:
+        # The page would lose the peer's figures.
+        print(rates.PEER_MISSING, file=sys.stderr)
+        return 1
+    if not chosen.page:
+        found = measured_again() if chosen.own else measured(chosen.folders)
         text = json.dumps(found, indent=1)
         RESULTS.write_text(text + "\n", encoding="utf-8")
     figures = json.loads(RESULTS.read_text(encoding="utf-8"))
     (DOCS / "sensing.md").write_text(rendered("sensing", **figures), encoding="utf-8")
     print("wrote docs/sensing.md")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -10,7 +10,6 @@ shapes do not keep it either. Counted for the buffer of the scene and for none a
 """
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from armguard.guard import Level, Reason
 from armguard.respond import Guard
 from armguard.scene import load_scene, load_trajectory
 from armguard.scene.trajectory import densify
+from episodes.campaign import command
 
 STEP = 0.02
 
@@ -32,7 +32,9 @@ NOTHING = {"cycles": 0, "primitives_would_stop": 0, "stops": 0, "refined": 0}
 
 def main() -> None:
     """Walk every motion, print one JSON object."""
-    root = Path(sys.argv[1])
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    root = parser.parse_args().folder
     totals: dict[str, dict[str, Any]] = {}
     for path in sorted([*root.glob("*/path*.csv"), *root.glob("*/request*.yaml")]):
         kind = path.stem.rstrip("0123456789")
