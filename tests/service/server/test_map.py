@@ -312,7 +312,7 @@ def test_recorded_frames_give_the_map_that_the_guard_had(station, tmp_path):
         for _ in range(100):
             one.turn()
         # Without frames and states all changes are taken at some time.
-        time.sleep(1.0)
+        time.sleep(3.0)
         one.process.terminate()
         one.process.wait(30)
         view = CellView((-0.4, 0, 1.1), 0.025, 128)
