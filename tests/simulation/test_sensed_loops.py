@@ -47,7 +47,9 @@ def test_an_operator_leads_an_arm_to_a_body():
     world = world_of(Setting(), 0)
     scene = modelled(world)
     judge = Judge(scene, compile_scene(scene))
-    plant = Plant(ag.Guard(scene, self_test=False), scene.home, np.random.default_rng())
+    plant = Plant(
+        ag.Guard(scene, self_test=False), scene.home, np.random.default_rng(0)
+    )
     judge.place(scene.home)
     operator = Operator(plant, judge, np.random.default_rng(0))
     assert not operator.desired().any()
@@ -120,7 +122,9 @@ def test_only_bodies_are_looked_at_and_whether_their_arm_moves():
     world = world_of(Setting(), 0)
     scene = modelled(world)
     judge = Judge(scene, compile_scene(scene))
-    plant = Plant(ag.Guard(scene, self_test=False), scene.home, np.random.default_rng())
+    plant = Plant(
+        ag.Guard(scene, self_test=False), scene.home, np.random.default_rng(0)
+    )
     plant.cycles = 1
     hand = judge.owners.index("left/link7")
     judge.place(scene.home)
