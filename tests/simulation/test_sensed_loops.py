@@ -1,5 +1,7 @@
 """Operators who try to hit what sensors alone know."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,14 +45,17 @@ def test_arms_touch_a_body_whose_speed_the_guard_does_not_know():
     assert run_episode(MOVING, found["seed"])["contact"] is None
 
 
-def test_an_operator_leads_an_arm_to_a_body():
+def bay_with_bodies():
+    """A world, the judge of its scene, and arms at home."""
     world = world_of(Setting(), 0)
     scene = modelled(world)
-    judge = Judge(scene, compile_scene(scene))
-    plant = Plant(
-        ag.Guard(scene, self_test=False), scene.home, np.random.default_rng(0)
-    )
+    judge, guard = Judge(scene, compile_scene(scene)), ag.Guard(scene, self_test=False)
     judge.place(scene.home)
+    return world, judge, Plant(guard, scene.home, np.random.default_rng(0))
+
+
+def test_an_operator_leads_an_arm_to_a_body():
+    _, judge, plant = bay_with_bodies()
     operator = Operator(plant, judge, np.random.default_rng(0))
     assert not operator.desired().any()
     plant.cycles = 120
@@ -60,7 +65,7 @@ def test_an_operator_leads_an_arm_to_a_body():
         assert speeds[own].max() == pytest.approx(1.0)
     aims = [operator._aims[name] for name in plant.robots]
     before = [judge.gap(aim) for aim in aims]
-    judge.place(scene.home + 0.01 * desired)
+    judge.place(plant.q + 0.01 * desired)
     assert all(judge.gap(a) < b - 1e-3 for a, b in zip(aims, before, strict=True))
 
 
@@ -119,22 +124,13 @@ def test_the_guard_does_not_get_what_is_left_out(left_out, lost):
 
 
 def test_only_bodies_are_looked_at_and_whether_their_arm_moves():
-    world = world_of(Setting(), 0)
-    scene = modelled(world)
-    judge = Judge(scene, compile_scene(scene))
-    plant = Plant(
-        ag.Guard(scene, self_test=False), scene.home, np.random.default_rng(0)
-    )
+    world, judge, plant = bay_with_bodies()
     plant.cycles = 1
     hand = judge.owners.index("left/link7")
-    judge.place(scene.home)
     to_hand = judge.data.geom_xpos[hand] - np.array(world.poses[0].xyz)
     moved = world.velocities.copy()
-    moved[0] = to_hand / (plant.time)
-    world = type(world)(
-        world.edges, world.poses, moved, world.speeds, world.frequencies
-    )
-    plant.v = np.zeros_like(plant.q)
+    moved[0] = to_hand / plant.time
+    world = replace(world, velocities=moved)
     found = list(gaps(judge, plant, world))
     assert found
     assert all(b == MOVER and not moves for _, (_, b), moves in found)
