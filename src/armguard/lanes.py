@@ -108,6 +108,11 @@ def bits(mask: Any) -> int:
     return int(np.packbits(mask, bitorder="little")[0])
 
 
+def mask(number: Any) -> Any:
+    """A number as a mask: lane k is bit k, from which `bits` gives the number again."""
+    return np.unpackbits(np.uint8(number), bitorder="little").astype(np.bool_)
+
+
 def lowest(number: Any) -> int:
     """Place of the lowest bit of a number above 0."""
     return (int(number) & -int(number)).bit_length() - 1
@@ -249,6 +254,14 @@ define_unary(
     ),
     MASK,
     types.int64,
+)
+define_unary(
+    mask,
+    lambda builder, number: builder.bitcast(
+        builder.trunc(number, ir.IntType(8)), BITS
+    ),
+    types.int64,
+    MASK,
 )
 for integer in (types.int64, types.uint64):
     define_unary(

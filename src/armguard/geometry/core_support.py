@@ -1,6 +1,7 @@
 """The farthest point of a core in a direction: all a convex solver needs to know."""
 
 from math import inf, nan, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.shapes.row import ROW_WIDTH
 from armguard.geometry.vec3 import Vec3, dot, norm, scaled, sub
 from armguard.kernel import kernel
-from armguard.lanes import WIDTH, either, load, splat, store
+from armguard.lanes import WIDTH, either, load, mask, splat, store
 
 Row = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -24,6 +25,9 @@ CONE = int(ShapeKind.CONE)
 ELLIPSOID = int(ShapeKind.ELLIPSOID)
 HULL = int(ShapeKind.HULL)
 SUPPORT = int(ShapeKind.SUPPORT)
+
+# Bits of the lanes whose number has its first, second or third bit set.
+ODD, SECOND, LAST = 0b10101010, 0b11001100, 0b11110000
 
 # Vertices of a hull looked at together: what fits a small scratch [-].
 BLOCK = 256
@@ -189,9 +193,7 @@ def highest_of_half(
     """
     count = v.shape[0] // 3
     found = array_at(stack(16), (2, WIDTH), np.float64)
-    for k in range(WIDTH):
-        found[1, k] = k
-    lane, top, place = load(found[1], 0), splat(-inf), splat(0.0)
+    lane, top, place = lane_numbers(), splat(-inf), splat(0.0)
     for k in range(0, half, WIDTH):
         at = min(k, half - WIDTH)
         i = start + at
@@ -206,6 +208,19 @@ def highest_of_half(
     store(found[1], 0, place)
     best = first_highest(found)
     return (int(found[1, best]), found[0, best])
+
+
+@kernel
+def lane_numbers() -> Any:
+    """The number of each lane, from 0 on.
+
+    Lanes of constants stay in registers. A vector that is read from memory right after
+    its numbers were written there one by one has to wait for them.
+    """
+    nothing = splat(0.0)
+    one = either(mask(ODD), splat(1.0), nothing)
+    two = either(mask(SECOND), splat(2.0), nothing)
+    return one + two + either(mask(LAST), splat(4.0), nothing)
 
 
 @kernel

@@ -153,16 +153,15 @@ def joint_ranges(
 
 
 @kernel(inline=False)
-def points_reach(grows: bool, points: Matrix, s: SideMotion, reach: Matrix) -> None:
+def points_reach(grows: bool, p: Any, s: SideMotion, reach: Matrix) -> None:
     """Write the greatest `n·p` of eight points to second order, at both ends of a line.
 
     Args:
         grows: Whether only the growth is wanted, without the points' own `n·p`.
-        points: Coordinates x, y, z of the points in the world, shape (3, 8) [m].
+        p: Coordinates x, y, z of the points in the world, as lanes [m].
         s: The joints that move them.
         reach: The values at both ends, overwritten, shape (2, 8) [m].
     """
-    p = (load(points[0], 0), load(points[1], 0), load(points[2], 0))
     still = splat(0.0)
     if not grows:
         still = dot(s.n, p)
@@ -270,10 +269,10 @@ def widest(s: SideMotion) -> Any:
                 store(gradient, 0, load(gradient, 0) + change)
     for k in range(s.first, s.end):
         own = s.rows[k]
-        change = doubt(s.hessian[k], s) * 0.5
-        total = total + load(own.end_width, 0) * (
-            size(load(own.end_gradient, 0)) + change
-        )
+        width = load(own.end_width, 0)
+        if some(width > nothing):
+            change = doubt(s.hessian[k], s) * 0.5
+            total = total + width * (size(load(own.end_gradient, 0)) + change)
     return total
 
 

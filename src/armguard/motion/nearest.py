@@ -21,7 +21,7 @@ from armguard.kernel import kernel
 from armguard.motion.pair_state import Pair
 from armguard.motion.state import NODES, WHOLE, Motion
 from armguard.motion.stop_path import write_axis
-from armguard.robot.kinematics import PRISMATIC, forward_kinematics
+from armguard.robot.kinematics import PRISMATIC, place_body
 from armguard.table import Matrix, Vector
 
 Floats = NDArray[np.float64]
@@ -70,7 +70,7 @@ def nearest_position(
 
 @kernel(separate=True)
 def middle_position(node: int, box: int, p: Pair, m: Motion, rows: Matrix) -> None:
-    """Place a pair in the middle of a box, and write the axes of all joints there.
+    """Place a pair in the middle of a box, and write its joints' axes there.
 
     Args:
         node: The interval.
@@ -87,8 +87,11 @@ def middle_position(node: int, box: int, p: Pair, m: Motion, rows: Matrix) -> No
             b = m.joints[body, k]
             move_joint(b, span, m.box_line[box].middle, m.box_place[box, b], m)
     place_pair(p, m, rows)
-    for b in range(m.parent.shape[0]):
-        write_axis(m.corner_T[b], m.axis[b], m.box_axes[b])
+    for side in range(2):
+        body = p.body[side]
+        for k in range(p.shared, m.length[body] if body >= 0 else 0):
+            b = m.joints[body, k]
+            write_axis(m.corner_T[b], m.axis[b], m.box_axes[b])
 
 
 @kernel
@@ -112,23 +115,41 @@ def move_joint(b: int, span: int, u: float, s: float, m: Motion) -> None:
 @kernel
 def place_pair(p: Pair, m: Motion, rows: Matrix) -> None:
     """Place both sides of a pair at the joint positions in `q_node`."""
-    forward_kinematics(
-        m.q_node,
-        m.parent,
-        m.joint_kind,
-        m.q_index,
-        m.gain,
-        m.T_parent_joint,
-        m.axis,
-        m.corner_T,
-    )
     for side in range(2):
         body = p.body[side]
         if body < 0:
             for k in range(ROW_WIDTH):
                 rows[side, k] = p.local[side, k]
         else:
+            place_chain(body, 0 if side == 0 else p.shared, m)
             place_row(p.kind[side], p.local[side], m.corner_T[body], rows[side])
+
+
+@kernel
+def place_chain(body: int, first: int, m: Motion) -> None:
+    """Place the bodies of a chain at the joint positions in `q_node`.
+
+    Args:
+        body: The last body of the chain.
+        first: First joint that moves bodies without a pose there; 0 for the root too.
+        m: The prediction; its `corner_T` is written.
+    """
+    count = int(m.length[body])
+    if first == 0:
+        root = m.parent[m.joints[body, 0]] if count > 0 else body
+        place_at(int(root), 0.0, m)
+    for k in range(first, count):
+        b = int(m.joints[body, k])
+        place_at(b, m.gain[b, 0] * m.q_node[m.q_index[b]] + m.gain[b, 1], m)
+
+
+@kernel
+def place_at(body: int, position: float, m: Motion) -> None:
+    """Place a body, whose parent is placed, at a position of its joint."""
+    if body >= 0:
+        place_body(
+            body, position, m.parent, m.joint_kind, m.T_parent_joint, m.axis, m.corner_T
+        )
 
 
 @kernel

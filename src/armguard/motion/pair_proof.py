@@ -85,10 +85,10 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         PROVEN, NEEDED, UNSURE or SPENT, and the least of distance minus requirement:
         a lower bound of the headroom if proven, else an estimate of the deficit [m].
     """
-    # Intervals that wait, one on each level and one more, and their proven headroom.
-    waiting = array_at(stack(16), (8, 2), np.float64)
+    # Intervals that wait, one on each level and two more, and their proven headroom.
+    waiting = array_at(stack(18), (9, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
-    effort, left, least = m.effort, 1, np.inf
+    effort, left, least, tries_end = m.effort, 1, np.inf, True
     while left > 0:
         left -= 1
         node, before = int(waiting[left, 0]), waiting[left, 1]
@@ -104,8 +104,9 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         spare = second_order - bend - wanted
         # The headroom of the whole interval holds for its halves.
         spare = before if before > spare else spare
+        # Only an interval with less than all others so far is worth it.
         if spare >= 0.0 and not (
-            spare < LITTLE
+            spare < min(LITTLE, least)
             and distance - wanted > spare + GAIN
             and node < SHORT
             and m.span.segment == 0
@@ -116,20 +117,38 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         shortest = not 2 * node < NODES
         if shortest and (spare != spare or m.span.segment != 0):
             return (NEEDED if not second_order >= wanted else UNSURE, spare)
+        too_near = distance < wanted
         if shortest or (not spare >= 0.0 and is_wide(node, p, m)):
             # Halving time would leave as many problems as halves.
             proof, proven = prove_by_boxes(node, wanted, p, m)
             if proof == PROVEN:
                 least = min(least, proven)
                 continue
-            if shortest or proof == SPENT:
+            too_near = proof == NEEDED
+            if shortest or proof == SPENT or (too_near and p.finer != 0):
                 return (proof, proven)
+        elif too_near and p.finer != 0:
+            return (NEEDED, distance - wanted)
         # The later half first: where a proof fails, it mostly fails there.
         for half in range(2):
             waiting[left + half, 0] = 2.0 * node + half
             waiting[left + half, 1] = spare if spare >= 0.0 else -np.inf
         left += 2
+        if too_near and tries_end:
+            # A position of a long interval need not be admissible; most that are too
+            # near are so at its end.
+            waiting[left, 0] = last_of(node)
+            waiting[left, 1] = -np.inf
+            left, tries_end = left + 1, False
     return (PROVEN, least)
+
+
+@kernel
+def last_of(node: int) -> int:
+    """The last of the shortest intervals within an interval."""
+    while 2 * node < NODES:
+        node = 2 * node + 1
+    return node
 
 
 @kernel

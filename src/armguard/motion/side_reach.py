@@ -12,11 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armguard.address import array_at, pointer, stack
-from armguard.geometry.core_support import core_support, first_highest
+from armguard.geometry.core_support import (
+    LAST,
+    ODD,
+    SECOND,
+    core_support,
+    first_highest,
+    lane_numbers,
+)
 from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3, add, dot
 from armguard.kernel import kernel
-from armguard.lanes import WIDTH, bits, either, least, load, most, splat, store
+from armguard.lanes import WIDTH, bits, either, least, load, mask, most, splat, store
 from armguard.motion.joint_rows import TURNED, Ends, SideMotion, points_reach
 from armguard.table import Matrix, Vector
 
@@ -83,15 +90,19 @@ def side_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
 @kernel
 def segment_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
     """Greatest reach of a sphere's centre, or of the ends of a capsule's axis [m]."""
-    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
     reach = array_at(stack(ENDS), (2, WIDTH), np.float64)
     p = q = (row[1], row[2], row[3])
     if kind == CAPSULE:
         q = (row[4], row[5], row[6])
         if dot(s.n, q) > dot(s.n, p):
             p, q = q, p
-    put_point(0, p, points)
-    put_point(1, q, points)
+    first = mask(1)
+    x, y, z = splat(q[0]), splat(q[1]), splat(q[2])
+    points = (
+        either(first, splat(p[0]), x),
+        either(first, splat(p[1]), y),
+        either(first, splat(p[2]), z),
+    )
     points_reach(False, points, s, reach)
     one, other = reach[0, 0], reach[1, 0]
     if kind == CAPSULE and dot(s.n, q) + s.most > min(one, other):
@@ -111,15 +122,15 @@ def box_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
         z = row[5]
     elif kind != BOX and kind != ELLIPSOID:
         x = y = z = row[6]
-    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
     growth = array_at(stack(ENDS), (2, WIDTH), np.float64)
-    for c in range(WIDTH):
-        put_point(c, corner(row, x, y, z, c), points)
-    points_reach(True, points, s, growth)
+    heights = array_at(stack(WIDTH), (WIDTH,), np.float64)
+    corners = point_at(row, signed(ODD, x), signed(SECOND, y), signed(LAST, z))
+    points_reach(True, corners, s, growth)
+    store(heights, 0, dot(s.n, corners))
     # Reach of a corner: its projection plus its growth.
     one = other = way_one = way_other = -inf
     for c in range(WIDTH):
-        still = dot(s.n, (points[0, c], points[1, c], points[2, c]))
+        still = heights[c]
         if kind == BOX and still + s.most <= min(one, other):
             continue
         one, other = max(one, still + growth[0, c]), max(other, still + growth[1, c])
@@ -132,9 +143,9 @@ def box_reach(kind: int, row: Floats, s: SideMotion) -> Ends:
 
 
 @kernel
-def put_point(c: int, p: Vec3, points: Matrix) -> None:
-    """Write point c of eight."""
-    points[0, c], points[1, c], points[2, c] = p
+def signed(positive: int, number: float) -> Any:
+    """A number in the lanes of these bits, its opposite in the others."""
+    return either(mask(positive), splat(number), splat(-number))
 
 
 @kernel
@@ -158,14 +169,8 @@ def half_space_reach(row: Floats, n: Vec3) -> float:
 
 
 @kernel
-def corner(row: Floats, x: float, y: float, z: float, c: int) -> Vec3:
-    """Corner c of a box about a row's origin, in the world."""
-    return point_at(row, x if c & 1 else -x, y if c & 2 else -y, z if c & 4 else -z)
-
-
-@kernel
-def point_at(row: Floats, x: float, y: float, z: float) -> Vec3:
-    """A point of a row's frame, in the world."""
+def point_at(row: Floats, x: Any, y: Any, z: Any) -> Any:
+    """A point of a row's frame, or eight as lanes, in the world."""
     return (
         row[1] + row[7] * x + row[8] * y + row[9] * z,
         row[2] + row[10] * x + row[11] * y + row[12] * z,
@@ -185,7 +190,6 @@ def hull_reach(row: Floats, s: SideMotion) -> Ends:
     base = dot(n, (row[1], row[2], row[3]))
     coefficients = array_at(stack(ENDS), (2, WIDTH), np.float64)
     box = array_at(stack(6), (6,), np.float64)
-    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
     bounds = array_at(stack(ENDS), (2, WIDTH), np.float64)
     reach = array_at(stack(ENDS), (2, WIDTH), np.float64)
     still = array_at(stack(WIDTH), (WIDTH,), np.float64)
@@ -197,12 +201,11 @@ def hull_reach(row: Floats, s: SideMotion) -> Ends:
         bound_in_box(box, row, s, coefficients)
         best = highest_vertex(v, vertices, box, coefficients)
         at = eight_from(best, vertices)
-        put_points(point_at(row, *eight_vertices(v, vertices, at, points)), points)
-        points_reach(False, points, s, reach)
+        points_reach(False, point_at(row, *eight_vertices(v, vertices, at)), s, reach)
         one, other = reach[0, best - at], reach[1, best - at]
     for start in range(0, vertices, WIDTH):
         at = eight_from(start, vertices)
-        a, b, c = eight_vertices(v, vertices, at, points)
+        a, b, c = eight_vertices(v, vertices, at)
         turned = base + a * x + b * y + c * z
         first_bound = last_bound = splat(inf)
         if best >= 0:
@@ -214,8 +217,7 @@ def hull_reach(row: Floats, s: SideMotion) -> Ends:
         store(still, 0, turned)
         store(bounds[0], 0, first_bound)
         store(bounds[1], 0, last_bound)
-        put_points(point_at(row, a, b, c), points)
-        points_reach(False, points, s, reach)
+        points_reach(False, point_at(row, a, b, c), s, reach)
         for k in range(WIDTH):
             if at + k != best and reaches_more(k, one, other, still, bounds, s):
                 one, other = max(one, reach[0, k]), max(other, reach[1, k])
@@ -229,28 +231,22 @@ def eight_from(i: int, vertices: int) -> int:
 
 
 @kernel
-def eight_vertices(v: Floats, vertices: int, at: int, points: Matrix) -> Any:
+def eight_vertices(v: Floats, vertices: int, at: int) -> Any:
     """Coordinates of eight vertices from one on, as lanes; the last one is repeated.
 
     Args:
         v: Coordinates x of all vertices, then y, then z [m].
         vertices: Their count.
         at: The first of the eight.
-        points: Scratch, shape (3, 8).
     """
     if vertices < WIDTH:
+        points = array_at(stack(POINTS), (3, WIDTH), np.float64)
         for k in range(WIDTH):
             i = min(k, vertices - 1)
-            put_point(k, (v[i], v[i + vertices], v[i + 2 * vertices]), points)
+            for c in range(3):
+                points[c, k] = v[i + c * vertices]
         return (load(points[0], 0), load(points[1], 0), load(points[2], 0))
     return (load(v, at), load(v, at + vertices), load(v, at + 2 * vertices))
-
-
-@kernel
-def put_points(p: Any, points: Matrix) -> None:
-    """Write eight points."""
-    for k in range(3):
-        store(points[k], 0, p[k])
 
 
 @kernel
@@ -311,11 +307,12 @@ def bound_in_box(box: Floats, row: Floats, s: SideMotion, bounds: Matrix) -> Non
             of coordinates from the box's least ones is at the index with the bits of
             its factors.
     """
-    points = array_at(stack(POINTS), (3, WIDTH), np.float64)
-    for k in range(WIDTH):
-        a, b, c = box[3 * (k & 1)], box[1 + 3 * (k >> 1 & 1)], box[2 + 3 * (k >> 2)]
-        put_point(k, point_at(row, a, b, c), points)
-    points_reach(False, points, s, bounds)
+    corners = (
+        either(mask(ODD), splat(box[3]), splat(box[0])),
+        either(mask(SECOND), splat(box[4]), splat(box[1])),
+        either(mask(LAST), splat(box[5]), splat(box[2])),
+    )
+    points_reach(False, point_at(row, *corners), s, bounds)
     for end in range(2):
         for axis in range(3):
             width = box[axis + 3] - box[axis]
@@ -346,9 +343,7 @@ def interpolated(a: Any, b: Any, c: Any, box: Floats, bounds: Matrix) -> Any:
 def highest_vertex(v: Floats, vertices: int, box: Floats, bounds: Matrix) -> int:
     """Index of the first vertex with the greatest bound, of 8 vertices or more."""
     found = array_at(stack(ENDS), (2, WIDTH), np.float64)
-    for k in range(WIDTH):
-        found[1, k] = k
-    lane, top, place = load(found[1], 0), splat(-inf), splat(0.0)
+    lane, top, place = lane_numbers(), splat(-inf), splat(0.0)
     for start in range(0, vertices, WIDTH):
         at = eight_from(start, vertices)
         one, other = interpolated(
