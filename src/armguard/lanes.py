@@ -257,9 +257,7 @@ define_unary(
 )
 define_unary(
     mask,
-    lambda builder, number: builder.bitcast(
-        builder.trunc(number, ir.IntType(8)), BITS
-    ),
+    lambda builder, number: builder.bitcast(builder.trunc(number, ir.IntType(8)), BITS),
     types.int64,
     MASK,
 )

@@ -11,13 +11,16 @@ import pytest
 from armguard.batch.sine import sincos
 from armguard.lanes import (
     WIDTH,
+    bits,
     either,
     least,
     load,
+    mask,
     most,
     root,
     size,
     some,
+    splat,
     store,
 )
 
@@ -32,6 +35,13 @@ def play_verbs(values: Any, out: Any) -> Any:
         store(out[2], start, least(mixed, most(-a, sine * 2.0)))
         if some(a > 19.0):
             store(out[3], start, a + 1.0)
+
+
+def play_masks(numbers: Any, out: Any) -> Any:
+    for k in range(len(numbers)):
+        chosen = mask(numbers[k])
+        store(out[k], 0, either(chosen, splat(1.0), splat(0.0)))
+        out[k, WIDTH] = bits(chosen)
 
 
 compiled: Any = numba.njit(error_model="numpy")(play_verbs)
@@ -52,6 +62,15 @@ def test_both_meanings_give_the_same_bits(values: Any) -> None:
         play_verbs(values, plain)
     np.testing.assert_array_equal(vector, plain)
     assert plain[3].any()
+
+
+@pytest.mark.parametrize("play", [play_masks, numba.njit(play_masks)])
+def test_lane_k_of_a_mask_is_bit_k_of_its_number(play: Any) -> None:
+    out = np.zeros((256, WIDTH + 1))
+    play(np.arange(256), out)
+    numbers = np.arange(256)[:, None]
+    assert np.array_equal(out[:, :WIDTH], numbers >> np.arange(WIDTH) & 1)
+    assert np.array_equal(out[:, WIDTH:], numbers)
 
 
 def test_sine_and_cosine_are_within_two_units_in_the_last_place(values: Any) -> None:

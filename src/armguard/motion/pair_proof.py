@@ -85,8 +85,8 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         PROVEN, NEEDED, UNSURE or SPENT, and the least of distance minus requirement:
         a lower bound of the headroom if proven, else an estimate of the deficit [m].
     """
-    # Intervals that wait, one on each level and two more, and their proven headroom.
-    waiting = array_at(stack(18), (9, 2), np.float64)
+    # Intervals that wait, one on each level and one more, and their proven headroom.
+    waiting = array_at(stack(16), (8, 2), np.float64)
     waiting[0, 0], waiting[0, 1] = WHOLE_PATH, known
     effort, left, least, tries_end = m.effort, 1, np.inf, True
     while left > 0:
@@ -95,11 +95,7 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         if effort.tests >= effort.budget:
             return (SPENT, -np.inf)
         effort.tests += 1
-        _, end = span_of(node, m.span.horizon)
-        if end >= m.span.horizon:
-            # Until their swings have ended, moving bodies may still meet the arms.
-            end = m.span.settled
-        wanted = p.need + p.drift * end
+        wanted = need_until(node, p, m)
         distance, second_order, bend = span_gap(node, p, m)
         spare = second_order - bend - wanted
         # The headroom of the whole interval holds for its halves.
@@ -135,20 +131,46 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
             waiting[left + half, 1] = spare if spare >= 0.0 else -np.inf
         left += 2
         if too_near and tries_end:
-            # A position of a long interval need not be admissible; most that are too
-            # near are so at its end.
-            waiting[left, 0] = last_of(node)
-            waiting[left, 1] = -np.inf
-            left, tries_end = left + 1, False
+            tries_end = False
+            proof, deficit = prove_end(node, p, m)
+            if proof == NEEDED:
+                return (proof, deficit)
     return (PROVEN, least)
 
 
 @kernel
-def last_of(node: int) -> int:
-    """The last of the shortest intervals within an interval."""
+def need_until(node: int, p: Pair, m: Motion) -> float:
+    """Distance that a pair has to keep until the end of an interval [m]."""
+    _, end = span_of(node, m.span.horizon)
+    if end >= m.span.horizon:
+        # Until their swings have ended, moving bodies may still meet the arms.
+        end = m.span.settled
+    return float(p.need + p.drift * end)
+
+
+@kernel
+def prove_end(node: int, p: Pair, m: Motion) -> tuple[int, float]:
+    """Prove that a pair keeps its distance in the last of the shortest intervals.
+
+    A position of a long interval need not be admissible, one of a short interval is.
+    Pairs that are too near are mostly so at the end.
+
+    Args:
+        node: A longer interval.
+        p: The pair.
+        m: The prediction.
+
+    Returns:
+        PROVEN, NEEDED, UNSURE or SPENT, and the headroom or deficit [m].
+    """
     while 2 * node < NODES:
         node = 2 * node + 1
-    return node
+    wanted = need_until(node, p, m)
+    m.effort.tests += 1
+    _, second_order, bend = span_gap(node, p, m)
+    if second_order - bend >= wanted:
+        return (PROVEN, second_order - bend - wanted)
+    return prove_by_boxes(node, wanted, p, m)
 
 
 @kernel

@@ -61,11 +61,6 @@ class ResponseKind(NamedTuple):
     scales: bool = False
     solves: bool = False
 
-    @property
-    def keeps_direction(self) -> bool:
-        """Whether the command keeps the direction of the request."""
-        return not self.solves
-
 
 RESPONSES: Mapping[ResponseName, ResponseKind] = {
     "stop": ResponseKind("moves as requested, or stops", go_on, stops=True),
