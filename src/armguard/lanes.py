@@ -18,6 +18,8 @@ WIDTH = 8
 
 VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 BITS = ir.VectorType(ir.IntType(1), WIDTH)
+BYTE, WORD, LONG = ir.IntType(8), ir.IntType(32), ir.IntType(64)
+YES = ir.IntType(1)(1)
 
 
 class Lanes(types.Type):  # type: ignore[misc]
@@ -134,10 +136,8 @@ def widened(builder: Any, kind: Any, value: Any) -> Any:
         return value
     if isinstance(kind, types.Integer):
         value = builder.sitofp(value, ir.DoubleType())
-    one = builder.insert_element(
-        ir.Constant(VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
-    )
-    order = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+    one = builder.insert_element(ir.Constant(VECTOR, ir.Undefined), value, WORD(0))
+    order = ir.Constant(ir.VectorType(WORD, WIDTH), [0] * WIDTH)
     return builder.shuffle_vector(one, ir.Constant(VECTOR, ir.Undefined), order)
 
 
@@ -241,36 +241,25 @@ define_unary(size, called("llvm.fabs"), LANES, LANES)
 define_unary(floor, called("llvm.floor"), LANES, LANES)
 define_unary(
     some,
-    lambda builder, mask: builder.icmp_unsigned(
-        "!=", builder.bitcast(mask, ir.IntType(8)), ir.Constant(ir.IntType(8), 0)
-    ),
+    lambda builder, a: builder.icmp_unsigned("!=", builder.bitcast(a, BYTE), BYTE(0)),
     MASK,
     types.boolean,
 )
 define_unary(
     bits,
-    lambda builder, mask: builder.zext(
-        builder.bitcast(mask, ir.IntType(8)), ir.IntType(64)
-    ),
+    lambda builder, a: builder.zext(builder.bitcast(a, BYTE), LONG),
     MASK,
     types.int64,
 )
 define_unary(
     mask,
-    lambda builder, number: builder.bitcast(builder.trunc(number, ir.IntType(8)), BITS),
+    lambda builder, number: builder.bitcast(builder.trunc(number, BYTE), BITS),
     types.int64,
     MASK,
 )
 for integer in (types.int64, types.uint64):
-    define_unary(
-        lowest,
-        lambda builder, number: builder.cttz(number, ir.Constant(ir.IntType(1), 1)),
-        integer,
-        types.int64,
-    )
-    define_unary(
-        ones, lambda builder, number: builder.ctpop(number), integer, types.int64
-    )
+    define_unary(lowest, lambda builder, a: builder.cttz(a, YES), integer, types.int64)
+    define_unary(ones, lambda builder, a: builder.ctpop(a), integer, types.int64)
 define_unary(
     splat,
     lambda builder, number: widened(builder, types.float64, number),
@@ -341,7 +330,7 @@ def item_code(_typing: Any, array: Any, place: Any) -> Any:
         if not whole or value.type.width == 64:
             return value
         longer = builder.sext if array.dtype.signed else builder.zext
-        return longer(value, ir.IntType(64))
+        return longer(value, LONG)
 
     return (types.int64 if whole else types.float64)(array, types.int64), generate
 
@@ -360,14 +349,14 @@ def item_chosen(array: Any, place: Any) -> Any:
 def pick_code(_typing: Any, array: Any, places: Any) -> Any:
     """Eight scalar reads."""
     single = array.dtype == types.float32
-    element = ir.FloatType() if single else ir.IntType(8)
+    element = ir.FloatType() if single else BYTE
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         data = make_array(sign.args[0])(context, builder, values[0]).data
-        whole = builder.fptosi(values[1], ir.VectorType(ir.IntType(32), WIDTH))
+        whole = builder.fptosi(values[1], ir.VectorType(WORD, WIDTH))
         found = ir.Constant(ir.VectorType(element, WIDTH), ir.Undefined)
         for lane in range(WIDTH):
-            at = ir.Constant(ir.IntType(32), lane)
+            at = WORD(lane)
             place = builder.extract_element(whole, at)
             value = builder.load(builder.gep(data, [place]))
             found = builder.insert_element(found, value, at)
