@@ -42,7 +42,7 @@ class World:
 
     Attributes:
         edges: Edges of the objects, shape (k, 3) [m].
-        poses: Their poses until `SETTLED`.
+        poses: Their poses at the start.
         velocities: Their velocities from then on, shape (k, 3) [m/s].
         speeds: Greatest desired speeds of the joints, shape (n,) [rad/s].
         frequencies: Angular frequencies of their swings, shape (n,) [rad/s].
@@ -53,10 +53,6 @@ class World:
     velocities: Floats
     speeds: Floats
     frequencies: Floats
-
-    def moved(self, time: float) -> Floats:
-        """How far the objects have moved at a time, shape (k, 3) [m]."""
-        return self.velocities * max(time - SETTLED, 0.0)
 
     def desired(self, time: float) -> Floats:
         """Desired velocities at a time, shape (n,) [rad/s]."""

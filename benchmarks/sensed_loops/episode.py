@@ -17,7 +17,7 @@ from closed_loop.judge import Judge
 from closed_loop.judge_model import SIGHT
 from evading.episode import Plant
 from evading.sensed import CENTRES, walls
-from freedom.worlds import SETTLED, World, modelled
+from freedom.worlds import World, modelled
 from sensed_loops.scenes import CELL, Setting, sensing_scene, world_of
 
 # When an operator begins, and how long an episode is [s].
@@ -98,7 +98,7 @@ class Sensing:
 
     def _rig_at(self, time: float) -> Rig:
         """The simulated sensors, with all bodies where they are at a time."""
-        moved = self._world.moved(time + SETTLED)
+        moved = self._world.velocities * max(time, 0.0)
         for k, pose in enumerate(self._world.poses):
             T = pose.matrix()
             T[:3, 3] += moved[k]
@@ -223,7 +223,7 @@ def gaps(
     Yields:
         Distance [m], names of both, and whether any joint of the arm moves.
     """
-    moved = world.moved(plant.time + SETTLED)
+    moved = world.velocities * plant.time
     for k in range(len(world.poses)):
         judge.stand_at(f"foreign{k}", moved[k])
     distances, geoms = judge.measure(plant.q)
