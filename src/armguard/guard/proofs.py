@@ -193,7 +193,6 @@ def prove_halved(
         How the proof ended, and the headroom, negative for a deficit [m].
     """
     m = w.motion
-    p.finer = int(w.exact_of[i, 1] != 0 or w.exact_of[j, 1] != 0)
     known = spare if spare >= 0.0 else -inf
     proof, by_spans = prove_by_spans(known, p, m)
     if proof == PROVEN and by_spans > spare:
@@ -205,7 +204,7 @@ def prove_halved(
     if proof == SPENT:
         return (proof, spare)
     near.envelope = OF_PRIMITIVES
-    if p.finer == 0:
+    if w.exact_of[i, 1] == 0 and w.exact_of[j, 1] == 0:
         return (proof, by_spans)
     m.effort.beyond_primitives = 1
     exact, by_exact = prove_exact(i, j, w, p)
@@ -340,7 +339,6 @@ def prove_exact(i: int, j: int, w: Workspace, p: Pair) -> tuple[int, float]:
         p: Their pair; its shapes are replaced.
     """
     least = inf
-    p.finer = 0
     for a in range(max(w.exact_of[i, 1], 1)):
         describe_exact(i, a, 0, w, p)
         for b in range(max(w.exact_of[j, 1], 1)):

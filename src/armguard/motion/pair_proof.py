@@ -121,10 +121,8 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
                 least = min(least, proven)
                 continue
             too_near = proof == NEEDED
-            if shortest or proof == SPENT or (too_near and p.finer != 0):
+            if shortest or proof == SPENT:
                 return (proof, proven)
-        elif too_near and p.finer != 0:
-            return (NEEDED, distance - wanted)
         # The later half first: where a proof fails, it mostly fails there.
         for half in range(2):
             waiting[left + half, 0] = 2.0 * node + half

@@ -37,7 +37,6 @@ class Pair:
         row: Row in the world as measured, shape (2, 16).
         local: Row in the frame of its body, or in the world if static, shape (2, 16).
         shared: Number of joints that move both sides alike.
-        finer: 1 if tighter shapes are asked wherever these are too near.
         need: Required separation now [m].
         drift: Rate at which the required separation grows [m/s].
     """
@@ -50,7 +49,6 @@ class Pair:
     row: Annotated[Floats, (2, ROW_WIDTH)]
     local: Annotated[Floats, (2, ROW_WIDTH)]
     shared: int
-    finer: int
     need: float
     drift: float
 
