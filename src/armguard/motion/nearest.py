@@ -131,21 +131,24 @@ def place_chain(body: int, first: int, m: Motion) -> None:
 
     Args:
         body: The last body of the chain.
-        first: First joint that moves bodies without a pose there; 0 for the root too.
+        first: First joint whose body is not placed yet; 0 if the root is not either.
         m: The prediction; its `corner_T` is written.
     """
     count = int(m.length[body])
     if first == 0:
-        root = m.parent[m.joints[body, 0]] if count > 0 else body
-        place_at(int(root), 0.0, m)
+        lowest = m.joints[body, 0] if count > 0 else body
+        place_at(int(m.parent[lowest]), 0.0, m)
     for k in range(first, count):
         b = int(m.joints[body, k])
         place_at(b, m.gain[b, 0] * m.q_node[m.q_index[b]] + m.gain[b, 1], m)
+    if count == 0 or m.joints[body, count - 1] != body:
+        # A root, or an object that a gripper holds: no joint moves it on its parent.
+        place_at(body, 0.0, m)
 
 
 @kernel
 def place_at(body: int, position: float, m: Motion) -> None:
-    """Place a body, whose parent is placed, at a position of its joint."""
+    """Place a body, whose parent is placed, at a position of its joint; -1 is none."""
     if body >= 0:
         place_body(
             body, position, m.parent, m.joint_kind, m.T_parent_joint, m.axis, m.corner_T

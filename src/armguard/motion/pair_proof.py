@@ -113,7 +113,7 @@ def prove_by_spans(known: float, p: Pair, m: Motion) -> tuple[int, float]:
         shortest = not 2 * node < NODES
         if shortest and (spare != spare or m.span.segment != 0):
             return (NEEDED if not second_order >= wanted else UNSURE, spare)
-        too_near = distance < wanted
+        too_near = distance < wanted and not spare >= 0.0
         if shortest or (not spare >= 0.0 and is_wide(node, p, m)):
             # Halving time would leave as many problems as halves.
             proof, proven = prove_by_boxes(node, wanted, p, m)
