@@ -261,6 +261,20 @@ def test_at_the_ends_of_a_line_it_does_so_too_and_in_between_by_its_bow(name, ki
     assert exact >= 5
 
 
+@pytest.mark.parametrize("kinds", CHAINS)
+def test_a_range_that_is_no_number_leaves_no_bound(kinds):
+    one, rng = next(carried("sphere", kinds))
+    way = 0.02 * rng.normal(size=one.count)
+    for joint in range(one.count):
+        width = np.where(np.arange(one.count) == joint, np.nan, 0.01)
+        for reach in (reach_of_ranges, reach_of_line):
+            found = reach(
+                one.kind, one.row, tuple(one.n), one.axes, one.kinds, way, width,
+                one.levers(), one.rows(), *scratch(way, width),
+            )  # fmt: skip
+            assert np.isnan(found).all()
+
+
 # By how much a coordinate is off its normal's, and how far a half-space reaches [m].
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize(

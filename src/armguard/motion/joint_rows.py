@@ -11,13 +11,26 @@ from numpy.typing import NDArray
 
 from armguard.geometry.vec3 import Vec3, cross, dot, sub
 from armguard.kernel import kernel
-from armguard.lanes import WIDTH, either, load, most, size, some, splat, store
+from armguard.lanes import (
+    WIDTH,
+    bits,
+    either,
+    load,
+    most,
+    size,
+    some,
+    splat,
+    store,
+)
 from armguard.record import Records, record
 from armguard.robot.kinematics import PRISMATIC
 from armguard.table import Matrix
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+# A bit for each of eight points.
+EIGHT = (1 << WIDTH) - 1
 
 # Reach at both ends of a line, or one value twice [m].
 Ends = tuple[float, float]
@@ -270,7 +283,8 @@ def widest(s: SideMotion) -> Any:
     for k in range(s.first, s.end):
         own = s.rows[k]
         width = load(own.end_width, 0)
-        if some(width > nothing):
+        # Not `width > 0`: a NaN has to reach the bound.
+        if bits(width == nothing) != EIGHT:
             change = doubt(s.hessian[k], s) * 0.5
             total = total + width * (size(load(own.end_gradient, 0)) + change)
     return total

@@ -24,7 +24,13 @@ from armguard.geometry.shapes.kind import ShapeKind
 from armguard.geometry.vec3 import Vec3, add, dot
 from armguard.kernel import kernel
 from armguard.lanes import WIDTH, bits, either, least, load, mask, most, splat, store
-from armguard.motion.joint_rows import TURNED, Ends, SideMotion, points_reach
+from armguard.motion.joint_rows import (
+    EIGHT,
+    TURNED,
+    Ends,
+    SideMotion,
+    points_reach,
+)
 from armguard.table import Matrix, Vector
 
 Floats = NDArray[np.float64]
@@ -43,9 +49,6 @@ HALF_SPACE = int(ShapeKind.HALF_SPACE)
 # Coordinates of eight points, and numbers for two values of each of them [-].
 POINTS = 3 * WIDTH
 ENDS = 2 * WIDTH
-
-# A bit for each of eight points.
-ALL = (1 << WIDTH) - 1
 
 # Above this count of vertices, a bound over the box of a hull costs less than it saves.
 MANY = 16
@@ -212,7 +215,7 @@ def hull_reach(row: Floats, s: SideMotion) -> Ends:
             first_bound, last_bound = interpolated(a, b, c, box, coefficients)
         below = turned + s.most <= min(one, other)
         within = (first_bound + ROUNDING <= one) & (last_bound + ROUNDING <= other)
-        if bits(below | within) == ALL:
+        if bits(below | within) == EIGHT:
             continue
         store(still, 0, turned)
         store(bounds[0], 0, first_bound)
