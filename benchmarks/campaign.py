@@ -124,6 +124,9 @@ def plot_scale(result: dict[str, Any], path: Path) -> None:
         for axes in (cycle, build, memory):
             axes.set(xscale="log", yscale="log", xlabel="primitives")
             axes.grid(True, which="major")
+        # Room for the legend below the curves.
+        cycle.set_ylim(bottom=0.05)
+        for axes in (cycle, build, memory):
             axes.legend(fontsize=8)
 
 
